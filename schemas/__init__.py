@@ -1,0 +1,1 @@
+"""What a stranger must know to talk to crossfix: messages, keys, codec, bus and recording."""

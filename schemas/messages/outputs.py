@@ -1,0 +1,211 @@
+"""What the fusion centre concludes (role `output`): no wall clock, boot id or host in them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct
+
+from .inputs import Pose
+from .values import Angle, Count, Id, Metres, MetresPerSecond, Real, Share, Text, TimeNs, Triangle
+
+CorrectionState = Literal["off", "observing", "candidate", "applied", "suspended"]
+LogId = Text
+"""carrier/n/stream/seq/index, n the ordinal of the carrier's boot in Closed order."""
+
+
+class Output(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """The envelope of every output: it belongs to one Closed.
+
+    Attributes:
+        seq: counts from 1 per key.
+        step, t_ns: those of the Closed.
+    """
+
+    centre: Id
+    seq: Count
+    step: Count
+    t_ns: TimeNs
+
+
+class Direction(Struct, frozen=True, kw_only=True):
+    """One direction of a correction and how far the data inform it.
+
+    Attributes:
+        name: in words, such as `location along 040 deg`.
+        ratio: posterior over prior sigma along it.
+        status: determined (< .5), weak (< .9) or undetermined.
+    """
+
+    name: Text
+    ratio: Annotated[float, Meta(ge=0, le=1e6)]
+    status: Literal["determined", "weak", "undetermined"]
+
+
+class OwnAxes(Struct, frozen=True, kw_only=True):
+    """A carrier's frame in the own carrier's sensor axes.
+
+    Attributes:
+        east_m, north_m: position of the other carrier (q).
+        rotation_rad: what is added to the other's bearings to get own ones, beyond the known
+            difference of the norths at the two reported places (D = c2 - c1).
+        covariance: of (east, north, rotation), 3 x 3.
+        reported_east_m, reported_north_m: the same position before the correction.
+    """
+
+    east_m: Metres
+    north_m: Metres
+    rotation_rad: Angle
+    covariance: Triangle
+    reported_east_m: Metres
+    reported_north_m: Metres
+
+
+class FixedAxes(Struct, frozen=True, kw_only=True):
+    """The same correction in axes fixed to true north, as paper 000 writes it.
+
+    Attributes:
+        offset_east_m, offset_north_m: added to the reported offset of the other carrier.
+        c1_rad, c2_rad: added to the bearings of the own and of the other carrier.
+        covariance: of these four, 4 x 4.
+    """
+
+    offset_east_m: Metres
+    offset_north_m: Metres
+    c1_rad: Angle
+    c2_rad: Angle
+    covariance: Triangle
+
+
+class SourceTerm(Struct, frozen=True, kw_only=True):
+    """A systematic error of one source: range_bias_m, range_scale, azimuth_bias_rad, time_s."""
+
+    source: Id
+    name: Literal["range_bias_m", "range_scale", "azimuth_bias_rad", "time_s"]
+    value: Real
+    sigma: Real
+
+
+class Correction(Output, frozen=True, kw_only=True, omit_defaults=True):
+    """Where another carrier's frame lies against the own one.
+
+    Attributes:
+        id: carrier and step; Navigation names it when applied.
+        state: off | observing | candidate | applied | suspended.
+        reason: why it is in that state, in words.
+        method: the estimator that made it.
+        valid_t_ns: the instant the frame is estimated for.
+        own_pose, other_pose: the reported poses it refers to.
+        own_axes, fixed_axes: absent while nothing is known beyond the prior.
+        directions: from the weakest to the strongest.
+        pairs: associated pairs used; chi2 of their misclosures over `dof`.
+        mode_probability: that the association behind it is the right one.
+        terms: systematic errors of single sources.
+    """
+
+    carrier: Id
+    id: Text
+    state: CorrectionState
+    reason: Text = ""
+    method: Id = "closed_form"
+    valid_t_ns: TimeNs = 0
+    own_pose: Pose | None = None
+    other_pose: Pose | None = None
+    own_axes: OwnAxes | None = None
+    fixed_axes: FixedAxes | None = None
+    directions: list[Direction] = []
+    pairs: Count = 0
+    chi2: Annotated[float, Meta(ge=0, le=1e18)] = 0.0
+    dof: Count = 0
+    mode_probability: Share = 1.0
+    terms: list[SourceTerm] = []
+
+
+class Track(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One object of the picture.
+
+    Attributes:
+        id: stable over its life.
+        position_m, velocity_mps: (east, north) or (east, north, up) in the picture's axes.
+        covariance: of position and velocity together.
+        existence: probability that there is such an object.
+        classes: name -> posterior probability.
+        carriers: that contribute; logs: newest log of each source that does.
+        status: tentative or confirmed; bearing_only while its range is undetermined.
+    """
+
+    id: Text
+    position_m: Annotated[list[Metres], Meta(min_length=2, max_length=3)]
+    velocity_mps: Annotated[list[MetresPerSecond], Meta(min_length=2, max_length=3)]
+    covariance: Triangle
+    existence: Share
+    status: Literal["tentative", "confirmed", "bearing_only"] = "confirmed"
+    classes: dict[Text, Share] = {}
+    carriers: list[Id] = []
+    logs: list[LogId] = []
+
+
+class Tracks(Output, frozen=True, kw_only=True, omit_defaults=True):
+    """The picture at one instant."""
+
+    tracks: list[Track] = []
+
+
+class AssociatedTarget(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Logs of several carriers taken for one target, and by what."""
+
+    logs: list[LogId]
+    method: Literal["identity", "coordinates", "operator"]
+    probability: Share = 1.0
+
+
+class Association(Output, frozen=True, kw_only=True, omit_defaults=True):
+    """Which logs of this Closed belong together; those that stand alone are only counted."""
+
+    targets: list[AssociatedTarget] = []
+    alone: dict[Id, int] = {}
+
+
+class AlignedBeacon(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Where a beacon is, with the 2 x 2 or 3 x 3 covariance and what is not observable."""
+
+    beacon: Id
+    position_m: Annotated[list[Metres], Meta(min_length=2, max_length=3)]
+    covariance: Triangle
+    unobservable: list[Text] = []
+
+
+class Alignment(Output, frozen=True, kw_only=True, omit_defaults=True):
+    """System alignment: the beacons of the run, aligned from ranges (paper 003)."""
+
+    beacons: list[AlignedBeacon] = []
+
+
+class SourceQuality(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """How one source did at this Closed.
+
+    Attributes:
+        logs: fused; late: not fused because too old; associated: with another carrier's log.
+        sigma_defaults: logs that brought no sigma of their own.
+        nis: mean normalised squared misclosure per degree of freedom, `nis_dof` of them.
+        flag: what looks wrong, in words.
+    """
+
+    carrier: Id
+    source: Id
+    logs: Count = 0
+    late: Count = 0
+    associated: Count = 0
+    sigma_defaults: Count = 0
+    nis: Annotated[float, Meta(ge=0, le=1e18)] = 0.0
+    nis_dof: Count = 0
+    flag: Text = ""
+
+
+class Quality(Output, frozen=True, kw_only=True, omit_defaults=True):
+    """How well what was said agrees, source by source."""
+
+    sources: list[SourceQuality] = []
+    late: Count = 0
+    gave_up: Count = 0
+    messages: Count = 0

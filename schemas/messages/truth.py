@@ -1,0 +1,64 @@
+"""The truth of a simulation: for simulated carriers and the recorder, never for the fusion."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+from .values import Angle, Count, Id, Real, Seconds, Text, TimeNs
+
+Vectors = list[list[Real]]
+
+
+class TruthScenario(Struct, frozen=True, kw_only=True):
+    """The truth part of a scenario: motions, actual errors, seed; the whole file as text."""
+
+    name: Id
+    seed: Count
+    text: str
+
+
+class TruthTargets(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """All targets that exist at one step, as columns, east-north-up at the scenario's origin.
+
+    Between steps sensors extrapolate with velocity and acceleration.
+
+    Attributes:
+        number: index of a target in the scenario, the key of its random draws.
+        position_m, velocity_mps, acceleration_mps2: (east, north, up) each.
+        identity: name every carrier can see, or empty.
+        features: name -> value of each target.
+    """
+
+    boot: Id
+    seq: Count
+    step: Count
+    t_ns: TimeNs
+    number: list[int]
+    position_m: Vectors
+    velocity_mps: Vectors
+    acceleration_mps2: Vectors
+    classes: list[Text] = []
+    identity: list[Text] = []
+    features: dict[Id, list[Real]] = {}
+
+
+class TruthCarriers(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """All carriers at one step, as columns, east-north-up at the scenario's origin.
+
+    Attributes:
+        heading_rad: true heading of the bow.
+        north_error_rad: bearing of the carrier's own north, clockwise from true north.
+        clock_offset_s: the carrier's clock less true time.
+    """
+
+    boot: Id
+    seq: Count
+    step: Count
+    t_ns: TimeNs
+    carrier: list[Id]
+    position_m: Vectors
+    velocity_mps: Vectors
+    acceleration_mps2: Vectors
+    heading_rad: list[Angle]
+    north_error_rad: list[Angle] = []
+    clock_offset_s: list[Seconds] = []
