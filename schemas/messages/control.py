@@ -61,6 +61,8 @@ class Step(Struct, frozen=True, kw_only=True, omit_defaults=True):
         boot: of the world.
         mode: lockstep waits for every answer, paced follows the wall clock.
         final: the last step of the run.
+        given_up: boots the world no longer waits for; a process that finds its own here has been
+            taken for dead and starts a new boot.
         ended: no step follows, for this reason; processes finish and leave.
     """
 
@@ -69,6 +71,7 @@ class Step(Struct, frozen=True, kw_only=True, omit_defaults=True):
     t_ns: TimeNs
     mode: Literal["lockstep", "paced"] = "lockstep"
     final: bool = False
+    given_up: list[Id] = []
     ended: Text = ""
 
 
