@@ -31,7 +31,7 @@ class _Case:
     attempts: int = 0
     in_flight: bool = False
     answered: bool = False
-    """The owner answered; what is still missing when the inbox has been emptied it does not have."""
+    """What is still missing once the inbox has been emptied, the owner no longer has."""
     weighed: bool = False
 
 

@@ -1,0 +1,164 @@
+"""A simulated carrier as a process: waits for the truth of a step, observes it, answers."""
+
+from __future__ import annotations
+
+import logging
+import random
+import time
+from collections import deque
+from collections.abc import Callable
+
+from schemas import codec, keys
+from schemas.bus.interface import Inbox, Liveness, Sample
+from schemas.bus.ledger import StreamKey
+from schemas.bus.member import Member
+from schemas.bus.recovery import Gap, Recovery
+from schemas.bus.roster import Roster
+from schemas.errors import WireError
+from schemas.messages import Step, StreamEnd, TruthCarriers, TruthTargets
+
+from .carrier import Carrier
+
+log = logging.getLogger("carrier")
+
+PUMP_S = 0.05
+READY_S = 0.5
+
+
+class CarrierNode:
+    """Observes every step it is granted, until the world leaves.
+
+    Args:
+        new_carrier: makes the carrier of a new boot.
+        delay_s: waits a random time up to this long in every step (to test that it changes
+            nothing).
+    """
+
+    def __init__(
+        self, member: Member, new_carrier: Callable[[str], Carrier], *, delay_s: float = 0.0
+    ) -> None:
+        self._member, self._new_carrier, self._delay_s = member, new_carrier, delay_s
+        self._carrier = new_carrier(member.boot)
+        self._samples: Inbox[Sample] = Inbox()
+        self._tokens: Inbox[Liveness] = Inbox()
+        self._roster = Roster()
+        self._recovery = Recovery(member.run, member.buses.data, self._samples)
+        self._granted: deque[Step] = deque()
+        self._targets: dict[int, TruthTargets] = {}
+        self._carriers: dict[int, TruthCarriers] = {}
+        self._done: int | None = None
+        self._ready_s = float("-inf")
+        self._stop = False
+
+    def stop(self) -> None:
+        """Ask for an early end; safe from a signal handler or another thread."""
+        self._stop = True
+        self._samples.wake()
+
+    def run(self) -> str:
+        """The whole life of the carrier; the reason why it ended."""
+        self._open()
+        while not self._stop:
+            for sample in self._samples.take(PUMP_S):
+                self._note(sample)
+            while self._granted and self._has_truth(self._granted[0]):
+                self._observe(self._granted.popleft())
+            now_s = time.monotonic()
+            self._recovery.pursue(self._missing(), now_s)
+            self._be_ready(now_s)
+            self._member.beat(self._done or 0, drops=self._samples.drops)
+            if self._world_is_gone(now_s):
+                return "the world has left"
+        return "stopped"
+
+    def _open(self) -> None:
+        run = self._member.run
+        control, data = self._member.buses
+        control.watch(keys.every_alive(run), self._tokens)
+        control.subscribe(keys.STEP.key(run), self._samples)
+        for topic in (keys.TRUTH_TARGETS, keys.TRUTH_CARRIERS):
+            data.subscribe(topic.key(run), self._samples)
+        self._member.announce()
+
+    def _observe(self, step: Step) -> None:
+        """Publish everything this carrier sees in a step, then say so."""
+        if self._delay_s:
+            time.sleep(random.uniform(0, self._delay_s))  # noqa: S311 (no secret: a test's delay)
+        targets, carriers = self._targets.pop(step.step), self._carriers.pop(step.step)
+        for topic, ids, message in self._carrier.step(targets, carriers, step.mode):
+            self._member.outbox.send(topic, ids, message)
+        self._done = step.step
+        self._answer()
+
+    def _answer(self) -> None:
+        name, boot = self._member.process, self._member.boot
+        manifest = [
+            StreamEnd(carrier=name, boot=boot, stream=stream, last_seq=last)
+            for stream, last in sorted(self._member.outbox.streams().items())
+        ]
+        self._member.ack(self._done or 0, manifest)
+
+    def _be_ready(self, now_s: float) -> None:
+        """Say ready until the first step comes: what is said before the world is there is lost."""
+        if self._done is None and not self._granted and now_s - self._ready_s > READY_S:
+            self._ready_s = now_s
+            self._member.ack(0)
+
+    def _note(self, sample: Sample) -> None:
+        try:
+            topic = keys.parse(sample.key).topic
+            message = codec.decode(topic.message, sample.payload, sample.encoding)
+        except WireError as error:
+            log.warning("refused a message: %s", error)
+            return
+        if isinstance(message, Step):
+            self._on_step(message)
+        elif isinstance(message, TruthTargets):
+            self._targets[message.step] = message
+        elif isinstance(message, TruthCarriers):
+            self._carriers[message.step] = message
+
+    def _on_step(self, step: Step) -> None:
+        if self._member.boot in step.given_up:
+            self._restart()
+        newest = self._granted[-1].step if self._granted else self._done
+        if step.ended or step.step == 0:
+            return
+        if newest is None or step.step > newest:
+            self._granted.append(step)
+        elif step.step == self._done:
+            self._answer()
+
+    def _restart(self) -> None:
+        """Begin a new boot: the run has given this one up while it hung."""
+        log.warning("taken for dead; starting a new boot")
+        self._member.reboot()
+        self._carrier = self._new_carrier(self._member.boot)
+        self._granted.clear()
+        self._targets.clear()
+        self._carriers.clear()
+        self._done, self._ready_s = None, float("-inf")
+        self._member.announce()
+
+    def _has_truth(self, step: Step) -> bool:
+        return step.step in self._targets and step.step in self._carriers
+
+    def _missing(self) -> list[Gap]:
+        """What the next granted step still needs of the truth; older truth is forgotten."""
+        if not self._granted:
+            return []
+        step = self._granted[0]
+        held = {keys.TRUTH_TARGETS: self._targets, keys.TRUTH_CARRIERS: self._carriers}
+        gaps: list[Gap] = []
+        for topic, truth in held.items():
+            for old in [number for number in truth if number < step.step]:
+                del truth[old]
+            if step.step not in truth:
+                key = StreamKey(keys.WORLD, step.boot, topic.template)
+                gaps.append((key, step.step, step.step))
+        return gaps
+
+    def _world_is_gone(self, now_s: float) -> bool:
+        up = self._member.buses.control.link_up()
+        lost = self._roster.update(self._tokens.take(), up, now_s)
+        return any(life.process == keys.WORLD for life in lost)
