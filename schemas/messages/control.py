@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from .values import Count, Id, Share, Text, TimeNs
+from .values import Count, Id, Real, Share, Text, TimeNs
 
-Option = bool | int | float | str | list[float] | list[str] | None
+Option = bool | int | Real | Text | list[Real | Text] | None
 """A value a user can write into a settings table."""
 
 
