@@ -1,0 +1,1 @@
+"""Carriers: processes that observe, navigate and publish what they believe."""

@@ -1,0 +1,1 @@
+"""The simulated truth: scenarios, motion, navigation errors, sensors, clocks."""
