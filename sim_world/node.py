@@ -57,6 +57,7 @@ class WorldNode:
         self._lost: list[str] = []
         self._joined: list[str] = []
         self._current = Step(boot=member.boot, step=0, t_ns=declared.epoch_ns)
+        self._closed = 0
         self._sent_s = 0.0
         self._stop = ""
 
@@ -161,12 +162,14 @@ class WorldNode:
             final=step == self._declared.steps,
         )
         self._member.outbox.send(keys.CLOSED_WORLD, (), closed)
+        self._closed = step
         self._joined, self._lost = [], []
 
     def _end(self, reason: str) -> None:
         """Say that no step follows, until the fusion centre has finished and left."""
         log.info("ended at step %d: %s", self._current.step, reason)
-        self._current = replace(self._current, ended=reason)
+        closed = self._closed if self._pace.rate is None else self._current.step
+        self._current = replace(self._current, step=closed, ended=reason)
         self._say()
         self._stop = ""
         self._wait(lambda: not self._roster.has(keys.FUSION), LEAVE_S)

@@ -67,6 +67,11 @@ class Inbox(Generic[T]):
         with self._ready:
             self._ready.notify_all()
 
+    @property
+    def bytes(self) -> int:
+        """Size of what waits."""
+        return self._bytes
+
     def __len__(self) -> int:
         return len(self._items)
 

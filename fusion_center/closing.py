@@ -1,0 +1,140 @@
+"""Decides which Closed comes next, and when: from the world's in lock-step, from the clock else."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from msgspec.structs import replace
+
+from schemas import keys
+from schemas.bus.ledger import StreamKey
+from schemas.bus.recovery import Gap
+from schemas.messages import Closed, DeclaredScenario, Step, StreamSpan
+
+from .ingest import Ingest
+
+
+class Closing(Protocol):
+    """What the node asks in every turn of its loop."""
+
+    def gaps(self) -> list[Gap]:
+        """What must be fetched before the next Closed can be fused."""
+
+    def give_up(self, gap: Gap) -> None:
+        """A gap cannot be had."""
+
+    def next(self, now_s: float) -> Closed | None:
+        """The next Closed if everything it names is here or given up."""
+
+
+class LockstepClosing:
+    """Fuses the world's Closed messages in their order, each when it is complete."""
+
+    def __init__(self, scenario: DeclaredScenario, ingest: Ingest) -> None:
+        self._ingest = ingest
+        self._max_error_ns = round(scenario.max_clock_error_s * 1e9)
+        self._waiting: dict[int, Closed] = {}
+        self._step = 0
+        self._granted = 0
+        self._gave_up: list[StreamSpan] = []
+
+    def on_closed(self, closed: Closed) -> None:
+        """Take in what the world has closed."""
+        if closed.step > self._step:
+            self._waiting[closed.step] = closed
+
+    def on_step(self, step: Step, now_s: float) -> None:
+        """A granted step says that all before it are closed."""
+        del now_s
+        self._granted = max(self._granted, step.step if step.ended else step.step - 1)
+
+    def gaps(self) -> list[Gap]:
+        """The next Closed itself, or the messages it names."""
+        closed = self._waiting.get(self._step + 1)
+        if closed is not None:
+            return self._ingest.missing(closed.manifest)
+        newest = max(self._granted, max(self._waiting, default=0))
+        if newest <= self._step:
+            return []
+        return [(StreamKey(keys.WORLD, "", keys.CLOSED_WORLD.template), self._step + 1, newest)]
+
+    def give_up(self, gap: Gap) -> None:
+        """A message is gone for good; a Closed of the world never is while the world lives."""
+        if gap[0].process != keys.WORLD:
+            self._gave_up.append(self._ingest.give_up(gap))
+
+    def next(self, now_s: float) -> Closed | None:
+        """The world's next Closed less what is given up, plus publishers that answer no steps."""
+        del now_s
+        closed = self._waiting.get(self._step + 1)
+        if closed is None or self._ingest.missing(closed.manifest):
+            return None
+        del self._waiting[closed.step]
+        self._step = closed.step
+        others = self._ingest.ends(closed.t_ns + self._max_error_ns, only_stepless=True)
+        gave_up, self._gave_up = self._gave_up, []
+        return replace(
+            closed,
+            manifest=closed.manifest + others,
+            gave_up=gave_up,
+            late=self._ingest.late(),
+        )
+
+
+class PacedClosing:
+    """Closes every step of the scenario a fixed time after it was granted, with what is here.
+
+    A gap below a message that has come is waited for until it is filled or hopeless; a message
+    that nobody knows of yet is not.
+    """
+
+    def __init__(self, scenario: DeclaredScenario, ingest: Ingest, lateness_s: float) -> None:
+        self._scenario, self._ingest, self._lateness_s = scenario, ingest, lateness_s
+        self._max_error_ns = round(scenario.max_clock_error_s * 1e9)
+        self._due_s: dict[int, float] = {}
+        self._step = 0
+        self._gave_up: list[StreamSpan] = []
+        self._lost: list[str] = []
+        self._joined: list[str] = []
+
+    def on_step(self, step: Step, now_s: float) -> None:
+        """The wall clock has reached a step; those before it that were not heard of are due too."""
+        for number in range(max(self._due_s, default=self._step) + 1, step.step + 1):
+            self._due_s[number] = now_s + self._lateness_s
+
+    def on_lost(self, carrier: str) -> None:
+        """A carrier is gone."""
+        self._lost.append(carrier)
+
+    def on_joined(self, carrier: str) -> None:
+        """A carrier has come."""
+        self._joined.append(carrier)
+
+    def gaps(self) -> list[Gap]:
+        """Every gap below a message that has come."""
+        return self._ingest.gaps()
+
+    def give_up(self, gap: Gap) -> None:
+        """Close without it."""
+        self._gave_up.append(self._ingest.give_up(gap))
+
+    def next(self, now_s: float) -> Closed | None:
+        """The next step once it is due and no known gap is open."""
+        number = self._step + 1
+        if number not in self._due_s or now_s < self._due_s[number] or self._ingest.gaps():
+            return None
+        del self._due_s[number]
+        self._step = number
+        t_ns = self._scenario.epoch_ns + number * self._scenario.step_ns
+        closed = Closed(
+            step=number,
+            t_ns=t_ns,
+            manifest=self._ingest.ends(t_ns + self._max_error_ns, only_stepless=False),
+            late=self._ingest.late(),
+            gave_up=self._gave_up,
+            joined=self._joined,
+            lost=self._lost,
+            final=number == self._scenario.steps,
+        )
+        self._gave_up, self._lost, self._joined = [], [], []
+        return closed

@@ -1,0 +1,74 @@
+"""What an operator asks of the fusion centre, turned into events with a step of their own."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Iterable
+
+from schemas import codec, keys
+from schemas.bus.interface import Sample
+from schemas.bus.member import Member
+from schemas.errors import WireError
+from schemas.messages import Answer, Closed, Command, Event
+
+REMEMBERED = 1000
+"""Ids of commands that are answered again and not carried out twice."""
+
+
+class Operator:
+    """Serves `command/fusion`; an accepted command is an input from the next Closed on."""
+
+    def __init__(self, member: Member) -> None:
+        self._member = member
+        self._waiting: list[Command] = []
+        self._answers: OrderedDict[str, Answer] = OrderedDict()
+        self._lock = threading.Lock()
+        self._step = self._seq = 0
+
+    def open(self) -> None:
+        """Begin to answer."""
+        key = keys.COMMAND.key(self._member.run, self._member.process)
+        self._member.buses.control.serve(key, self._serve)
+
+    def events(self, closed: Closed) -> list[Event]:
+        """The events that take effect with this Closed, published as inputs."""
+        with self._lock:
+            self._step = closed.step
+            commands, self._waiting = self._waiting, []
+        events = [self._event(command, closed) for command in commands]
+        for event in events:
+            self._member.outbox.send(keys.EVENT, (self._member.process,), event)
+        return events
+
+    def _event(self, command: Command, closed: Closed) -> Event:
+        self._seq += 1
+        return Event(
+            centre=self._member.process,
+            seq=self._seq,
+            step=closed.step,
+            t_ns=closed.t_ns,
+            id=command.id,
+            kind=command.kind,
+            carrier=command.carrier,
+            pair=command.pair,
+            setting=command.setting,
+            value=command.value,
+        )
+
+    def _serve(self, key: str, payload: bytes) -> Iterable[Sample]:
+        try:
+            answer = self._take(codec.decode(Command, payload))
+        except WireError as error:
+            answer = Answer(id="", taken=False, reason=str(error)[:1000])
+        yield Sample(key, codec.encode(answer), codec.encoding_of(Answer))
+
+    def _take(self, command: Command) -> Answer:
+        with self._lock:
+            if command.id not in self._answers:
+                self._waiting.append(command)
+                answer = Answer(id=command.id, taken=True, step=self._step + 1)
+                self._answers[command.id] = answer
+                if len(self._answers) > REMEMBERED:
+                    self._answers.popitem(last=False)
+            return self._answers[command.id]

@@ -1,0 +1,187 @@
+"""Records everything a run says, without a hole, in a thread and on a session of its own."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Mapping
+
+import msgspec
+
+from schemas import keys
+from schemas.bus.interface import Inbox, Sample
+from schemas.bus.ledger import Ledger, Seen, StreamKey
+from schemas.bus.member import Member
+from schemas.bus.recovery import Recovery
+from schemas.errors import RecordingError, WireError
+from schemas.messages import Statistics
+from schemas.recording.writer import RecordingWriter, RunEnd
+
+log = logging.getLogger("recorder")
+
+PUMP_S = 0.05
+STATISTICS_S = 1.0
+HOLD_BACK_BYTES = 16 * 1024 * 1024
+"""A queue longer than this holds back the acknowledgement of the fusion centre."""
+FINISH_S = 10.0
+
+
+class _Head(msgspec.Struct):
+    """What every message has of its place in a stream; the rest is skipped, not decoded."""
+
+    boot: str = ""
+    seq: int = 0
+    step: int = 0
+    t_ns: int = 0
+
+
+class Recorder:
+    """Writes samples in order of arrival; gaps are fetched from their owners."""
+
+    def __init__(self, member: Member, writer: RecordingWriter) -> None:
+        self._member, self._writer = member, writer
+        self._inbox: Inbox[Sample] = Inbox(256 * 1024 * 1024)
+        self._ledger = Ledger()
+        self._recovery = Recovery(member.run, member.buses.data, self._inbox)
+        self._msgpack = msgspec.msgpack.Decoder(_Head)
+        self._json = msgspec.json.Decoder(_Head, strict=False)
+        self._clock_ns = 0
+        self._received = self._recorded = self._rejected = self._gaps = 0
+        self._statistics_s = float("-inf")
+        self._finish_by_s = float("inf")
+        self._expected: Mapping[StreamKey, int] = {}
+        self._reason = "interrupted"
+        self._error: RecordingError | None = None
+        self._thread = threading.Thread(target=self._work, name="recorder")
+
+    def start(self, *latched: Sample) -> None:
+        """Listen to everything of the run; `latched` are values published before this."""
+        for sample in latched:
+            self._inbox.put(sample, len(sample.payload))
+        self._member.buses.data.subscribe(keys.everything(self._member.run), self._inbox)
+        self._member.announce()
+        self._thread.start()
+
+    def keeps_up(self) -> bool:
+        """Whether the queue before the writer is short, or the disk has failed already."""
+        return self._error is not None or self._inbox.bytes < HOLD_BACK_BYTES
+
+    def error(self) -> RecordingError | None:
+        """What ended the recording early."""
+        return self._error
+
+    def counters(self) -> dict[str, int]:
+        """Counts for `health`."""
+        return {
+            "received": self._received,
+            "recorded": self._recorded,
+            "rejected": self._rejected,
+            "dropped": self._inbox.drops,
+            "fetched": self._recovery.fetched,
+            "gaps": self._gaps,
+        }
+
+    def finish(self, reason: str, expected: Mapping[StreamKey, int]) -> None:
+        """Wait until everything expected is recorded, at most 10 s, and seal the file."""
+        self._reason, self._expected = reason, expected
+        self._finish_by_s = time.monotonic() + FINISH_S
+        self._inbox.wake()
+        self._thread.join()
+        self._recovery.close()
+
+    def _work(self) -> None:
+        try:
+            while not self._is_done():
+                for sample in self._inbox.take(PUMP_S):
+                    self._record(sample)
+                self._mind_the_gaps()
+                self._note_statistics()
+                self._writer.tick(time.monotonic())
+            self._writer.close(self._end())
+        except RecordingError as error:
+            self._error = error
+            log.error("recording ended early: %s", error)
+
+    def _record(self, sample: Sample) -> None:
+        self._received += 1
+        try:
+            address = keys.parse(sample.key)
+            decoder = self._json if "json" in sample.encoding else self._msgpack
+            head = decoder.decode(sample.payload)
+        except (WireError, msgspec.MsgspecError, UnicodeDecodeError) as error:
+            self._rejected += 1
+            log.warning("not recorded: %s", error)
+            return
+        if not address.topic.recorded or self._is_repeated(address, head):
+            return
+        if address.topic is keys.STEP:
+            self._clock_ns = max(self._clock_ns, head.t_ns)
+        self._writer.write(
+            sample.key,
+            sample.payload,
+            sample.encoding,
+            log_time_ns=self._clock_ns,
+            publish_time_ns=head.t_ns,
+            sequence=head.seq or head.step,
+        )
+        self._recorded += 1
+
+    def _is_repeated(self, address: keys.Address, head: _Head) -> bool:
+        seq = head.seq or head.step
+        if not seq or address.topic.role is keys.Role.STATUS:
+            return False
+        return self._ledger.note(_stream_key(address, head), seq) is Seen.DUPLICATE
+
+    def _mind_the_gaps(self) -> None:
+        gaps = list(self._ledger.gaps())
+        for key, last in self._expected.items():
+            gaps += [(key, *span) for span in self._ledger.missing(key, last)]
+        for key, first, last in self._recovery.pursue(gaps, time.monotonic()):
+            self._ledger.give_up(key, first, last)
+            self._gaps += last - first + 1
+            log.warning("never had: %s %s %d..%d", key.process, key.stream, first, last)
+
+    def _is_done(self) -> bool:
+        now_s = time.monotonic()
+        if self._finish_by_s == float("inf") or len(self._inbox):
+            return False
+        whole = all(self._ledger.through(key) >= last for key, last in self._expected.items())
+        return whole or now_s > self._finish_by_s
+
+    def _note_statistics(self) -> None:
+        now_s = time.monotonic()
+        if now_s - self._statistics_s < STATISTICS_S:
+            return
+        self._statistics_s = now_s
+        self._writer.write_statistics(
+            Statistics(
+                t_ns=self._clock_ns,
+                received=self._received,
+                recorded=self._recorded,
+                dropped=self._inbox.drops,
+                gaps=self._gaps,
+            )
+        )
+
+    def _end(self) -> RunEnd:
+        return RunEnd(
+            reason=self._reason,
+            received=self._received,
+            recorded=self._recorded,
+            dropped=self._inbox.drops,
+            gaps=self._gaps,
+        )
+
+
+def _stream_key(address: keys.Address, head: _Head) -> StreamKey:
+    """Streams of carriers count per boot; world and fusion centre have one boot a run."""
+    carrier = address.ids.get("carrier")
+    if address.topic.role is keys.Role.INPUT and carrier:
+        return StreamKey(carrier, head.boot, keys.stream(address))
+    truth = address.topic.role is keys.Role.TRUTH
+    owner = keys.WORLD if truth or address.topic in _OF_WORLD else keys.FUSION
+    return StreamKey(owner, "", keys.stream(address))
+
+
+_OF_WORLD = (keys.SCENARIO, keys.STEP, keys.CLOSED_WORLD)

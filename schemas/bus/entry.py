@@ -1,0 +1,42 @@
+"""What every process of a run does first and last: one BLAS thread, logging, signals, exit code."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable
+from types import FrameType
+
+from ..errors import CrossfixError
+
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def pin_threads() -> None:
+    """Hold BLAS to one thread, before numpy is first imported: sums must not depend on cores."""
+    for name in THREADS:
+        os.environ[name] = "1"
+
+
+def run_process(name: str, body: Callable[[], int]) -> int:
+    """Run a process's body with logging; a user's error becomes one line and its exit code."""
+    logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
+    try:
+        return body()
+    except CrossfixError as error:
+        logging.getLogger(name).error("error: %s", error)
+        return error.exit_code
+
+
+def on_signal(stop: Callable[[], None]) -> None:
+    """Call `stop` on SIGTERM and on the first Ctrl-C; the second one kills."""
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        del number, frame
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        stop()
+
+    signal.signal(signal.SIGTERM, handle)
+    signal.signal(signal.SIGINT, handle)
