@@ -1,1 +1,3 @@
-"""crossfix: carriers that disagree about their frames, and a fusion centre that makes them agree."""
+"""crossfix: carriers that disagree about their frames, and the centre that fuses their views."""
+
+__version__ = "0.1.0"

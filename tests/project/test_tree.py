@@ -1,0 +1,49 @@
+"""Form of the tree: every module says what it is for, no machine's paths, no large files."""
+
+import ast
+import re
+
+from project_tree import ROOT, tracked, tracked_files
+
+MAX_BYTES = 1024 * 1024
+MACHINE_PATHS = re.compile(
+    "|".join((r"(?<!\w)/wo" r"rk/", r"(?<!\w)/ro" r"ot\b", r"/tmp/ve" r"nv"))
+)
+
+
+def test_every_module_begins_with_a_docstring_that_says_what_it_is() -> None:
+    silent = [
+        str(path.relative_to(ROOT))
+        for path in tracked(".py")
+        if not _first_line(ast.parse(path.read_text(encoding="utf-8")))
+    ]
+    assert silent == []
+
+
+def test_no_file_names_a_path_of_the_machine_it_was_written_on() -> None:
+    named = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for path in tracked_files()
+        for number, line in enumerate(_lines(path), start=1)
+        if MACHINE_PATHS.search(line)
+    ]
+    assert named == []
+
+
+def test_no_tracked_file_is_larger_than_a_megabyte() -> None:
+    large = [str(path) for path in tracked_files() if path.stat().st_size > MAX_BYTES]
+    assert large == []
+
+
+def _first_line(module: ast.Module) -> str:
+    """First line of the docstring; a docstring that begins with a blank line says nothing."""
+    text = ast.get_docstring(module, clean=False) or ""
+    return text.split("\n", 1)[0].strip()
+
+
+def _lines(path) -> list[str]:
+    """Lines of a text file; none of a binary one."""
+    try:
+        return path.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError:
+        return []
