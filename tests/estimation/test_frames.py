@@ -97,8 +97,8 @@ def test_geodetic_round_trip_keeps_shape(count: int) -> None:
     latitude, longitude, altitude = geodetic_from_enu(origin, enu)
     assert latitude.shape == longitude.shape == altitude.shape == (count,)
     back = enu_from_geodetic(origin, latitude, longitude, altitude)
-    # pymap3d's closed form of the latitude is an approximation: 2 um at 100 km up
-    np.testing.assert_allclose(back, enu, atol=1e-4)
+    # pymap3d takes the latitude in closed form: 7 um off at 100 km up, 2 nm on the ground
+    np.testing.assert_allclose(back, enu, atol=1e-5)
 
 
 @given(sites, st.floats(0, 5e5), angles, st.floats(0.0, 1e4))

@@ -1,0 +1,37 @@
+"""Relative location and orientation of two carriers' frames from common targets (paper 000)."""
+
+from estimation.relative_frame.bound import Bound, cramer_rao
+from estimation.relative_frame.closed_form import (
+    Information,
+    closed_form,
+    closed_form_dense,
+    information,
+    solve,
+)
+from estimation.relative_frame.logs import (
+    OwnAxesFrame,
+    PolarLogs,
+    RelativeFrame,
+    RelativeFramePrior,
+    in_own_axes,
+    prior_in_own_axes,
+)
+from estimation.relative_frame.observability import Direction, directions
+
+__all__ = [
+    "Bound",
+    "Direction",
+    "Information",
+    "OwnAxesFrame",
+    "PolarLogs",
+    "RelativeFrame",
+    "RelativeFramePrior",
+    "closed_form",
+    "closed_form_dense",
+    "cramer_rao",
+    "directions",
+    "in_own_axes",
+    "information",
+    "prior_in_own_axes",
+    "solve",
+]
