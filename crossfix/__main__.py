@@ -49,7 +49,7 @@ def new_app() -> App:
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """Run one verb and exit; a user's error is one line, a bug keeps its traceback, Ctrl-C is 130."""
+    """Run one verb and exit: a user's error is one line, a bug keeps its traceback."""
     pin_threads()
     try:
         code = new_app()(arguments)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-LISTEN = "tcp/127.0.0.1:7447"
 
-
-def hub(*, listen: str = LISTEN) -> int:
+def hub(*, listen: str | None = None, connect: list[str] | None = None) -> None:
     """Route messages between the processes of a run until Ctrl-C.
 
     `crossfix run` starts a hub of its own; this one is for processes that are started by hand, on
@@ -16,8 +14,10 @@ def hub(*, listen: str = LISTEN) -> int:
     ```
 
     Args:
-        listen: Zenoh endpoint to listen on; 0.0.0.0 opens it to the network.
+        listen: Zenoh endpoint to listen on; 0.0.0.0 opens it to the network. By default
+            tcp/127.0.0.1:7447, or a free port where that is taken; the hub prints which.
+        connect: another hub to join, so that the processes of both see each other.
     """
-    from schemas.bus.hub import run_hub
+    from schemas.bus.hub import DEFAULT_ENDPOINT, run_hub
 
-    return run_hub(listen)
+    run_hub(listen or DEFAULT_ENDPOINT, connect or (), strict=listen is not None)

@@ -3,7 +3,7 @@
 import ast
 import re
 
-from project_tree import ROOT, tracked, tracked_files
+from tests.project.tree import ROOT, tracked, tracked_files
 
 MAX_BYTES = 1024 * 1024
 MACHINE_PATHS = re.compile(

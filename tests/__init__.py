@@ -1,0 +1,1 @@
+"""Tests: one folder a package, and papers, live (real processes), golden, project."""
