@@ -115,6 +115,15 @@ def seconds(function: Callable[[], object], repeats: int = 5) -> float:
     return min(_timed(function) for _ in range(repeats))
 
 
+def time_ratio(
+    function: Callable[[], object], reference: Callable[[], object], repeats: int = 5
+) -> float:
+    """Shortest time of one call by that of another, taken in turns: both meet the neighbours."""
+    both = [(_timed(function), _timed(reference)) for _ in range(repeats)]
+    ours, theirs = np.min(both, axis=0)
+    return float(ours / theirs)
+
+
 def scaled_seconds(function: Callable[[], object], repeats: int = 5) -> float:
     """`seconds`, as it would be on the machine of the demands, by a numpy kernel timed here."""
     return seconds(function, repeats) * _KERNEL_S / seconds(_kernel, repeats)

@@ -17,7 +17,7 @@ import numpy as np
 from estimation.arrays import Array, transposed
 from estimation.relative_frame.logs import PolarLogs, RelativeFrame, RelativeFramePrior
 
-_CHUNK = 4096  # pairs at a time: the intermediate arrays stay in cache, the extra memory under 2 MB
+_CHUNK = 8192  # pairs at a time: the intermediate arrays stay in cache, extra memory is 2 MB
 
 
 class Conditions(NamedTuple):

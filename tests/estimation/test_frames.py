@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pymap3d
 import pytest
@@ -213,3 +216,9 @@ def test_wrap_pi(angle: float) -> None:
     wrapped = float(wrap_pi(angle))
     assert -np.pi <= wrapped < np.pi
     assert np.exp(1j * wrapped) == pytest.approx(np.exp(1j * angle), abs=1e-12)
+
+
+def test_frames_do_not_import_scipy() -> None:
+    """Carriers and the world turn coordinates and must not wait for scipy at their start."""
+    code = "import sys, estimation.frames; sys.exit('scipy' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
