@@ -51,10 +51,10 @@ def between(name: str, value: float, low: float, high: float, unit: str = "") ->
     return Figure(name, float(value), unit, f"in [{low:g}, {high:g}]", bool(low <= value <= high))
 
 
-def near(name: str, value: float, published: float, tolerance: float, unit: str = "") -> Figure:
-    """Demand the published value to within a tolerance."""
-    demand = f"{published:g} +- {tolerance:.2g}"
-    return Figure(name, float(value), unit, demand, bool(abs(value - published) <= tolerance))
+def near(name: str, value: float, expected: float, tolerance: float, unit: str = "") -> Figure:
+    """Demand the expected value within a tolerance."""
+    demand = f"{expected:g} +- {tolerance:.2g}"
+    return Figure(name, float(value), unit, demand, bool(abs(value - expected) <= tolerance))
 
 
 class Options(NamedTuple):

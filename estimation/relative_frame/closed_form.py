@@ -116,8 +116,8 @@ def solve(given: Information, prior: RelativeFramePrior) -> RelativeFrame:
 def closed_form_dense(own: PolarLogs, other: PolarLogs, prior: RelativeFramePrior) -> RelativeFrame:
     """The same corrections through the 2L correlates, as the paper prints them; O(L^3).
 
-    Errata of the paper, corrected here: in (7) a_y^x and a_x^y stand for a_x^x = a_y^y = -1 and
-    a_y^x = a_x^y = 0; the diagonals in (11), see `correlate_matrix`.
+    Errata of the paper, corrected here: (7) prints a_y^x = -1 and a_y^y = 0, which are 0 and -1,
+    as (10) has them; the diagonals of (11), see `correlate_matrix`.
 
     Args:
         own: (..., L) logs in own axes.

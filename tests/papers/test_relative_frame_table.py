@@ -1,4 +1,4 @@
-"""Paper 000 as published: the table, the bound, honest covariances, and what its errata cost."""
+"""Paper 000: the table of its experiment, the bound, honest covariances, its errata's price."""
 
 from __future__ import annotations
 
@@ -6,30 +6,30 @@ import numpy as np
 import pytest
 
 from bench import registration
-from bench.registration import PUBLISHED, closed_form_as_printed, experiment, measure
+from bench.registration import REFERENCE, closed_form_as_printed, experiment, measure
 from estimation.consistency import rms
 from estimation.relative_frame import closed_form
 
 RUNS = 4000
 
 
-@pytest.fixture(scope="module", params=sorted(PUBLISHED), ids=lambda pairs: f"L={pairs}")
+@pytest.fixture(scope="module", params=sorted(REFERENCE), ids=lambda pairs: f"L={pairs}")
 def measured(request: pytest.FixtureRequest) -> tuple[int, registration.Means]:
     return request.param, measure(seed=7, runs=RUNS, pairs=request.param)
 
 
-def test_estimates_are_the_published_ones(measured: tuple[int, registration.Means]) -> None:
+def test_estimates_are_those_of_the_reference(measured: tuple[int, registration.Means]) -> None:
     pairs, means = measured
-    published = np.array(PUBLISHED[pairs])[:, 0]
+    reference = np.array(REFERENCE[pairs])[:, 0]
     # 4000 runs on both sides: up to 2 % each from heavy-tailed geometries, and 3 printed digits
-    np.testing.assert_allclose(np.sqrt(means.after / means.before), published, rtol=0.05, atol=1e-3)
+    np.testing.assert_allclose(np.sqrt(means.after / means.before), reference, rtol=0.05, atol=1e-3)
 
 
-def test_bounds_are_the_published_ones(measured: tuple[int, registration.Means]) -> None:
+def test_bounds_are_those_of_the_reference(measured: tuple[int, registration.Means]) -> None:
     pairs, means = measured
-    published = np.array(PUBLISHED[pairs])[:, 1]
+    reference = np.array(REFERENCE[pairs])[:, 1]
     # no noise of measurement here, only of the geometries
-    np.testing.assert_allclose(np.sqrt(means.bound / means.prior), published, rtol=0.03, atol=1e-3)
+    np.testing.assert_allclose(np.sqrt(means.bound / means.prior), reference, rtol=0.03, atol=1e-3)
 
 
 def test_one_linearisation_costs_nothing_at_the_papers_sigmas(
@@ -61,7 +61,7 @@ def test_the_papers_sentence_lies_below_the_bound() -> None:
 
 
 def test_the_printed_diagonals_are_worse_than_no_correction() -> None:
-    """Their RMS has no limit (M is now and then nearly singular): 4 to 50 times none, by seed."""
+    """M is now and then nearly singular: the RMS has no limit, several to tens of times none."""
     scene = experiment(np.random.default_rng(8), (RUNS,), 4)
     logs = scene.own, scene.other, scene.prior
     turn = scene.theta[:, 3] - scene.theta[:, 2]
