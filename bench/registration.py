@@ -183,7 +183,8 @@ def closed_form_as_printed(
     """
     c, p0 = conditions(own, other, prior.offset_m), prior.covariance
     c1, c2 = p0[2, 2], p0[3, 3]
-    h, m = theta_columns(c), correlate_matrix(c, p0)
+    h = theta_columns(c)
+    m = correlate_matrix(c, h, p0)
     x, y = np.arange(own.count), np.arange(own.count, 2 * own.count)
     m[..., x, y] -= c.a_b2_x * c2 * c.a_b2_y
     if not only_xy:

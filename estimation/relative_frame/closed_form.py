@@ -45,6 +45,7 @@ class Information:
 
     The pairs' part of the criterion (5) is chi2 - 2 vector' theta + theta' matrix theta, so pairs
     may come in streams, from several machines, in any order: add their informations and `solve`.
+    Each may have its own reported offset, as carriers move: theta is what they have in common.
 
     Attributes:
         matrix: (..., 4, 4) sum of H' S^-1 H.
@@ -132,7 +133,7 @@ def closed_form_dense(own: PolarLogs, other: PolarLogs, prior: RelativeFramePrio
     p0 = prior.covariance
     h = theta_columns(c)  # (..., 4, 2 L), the paper's a_x, a_y, a_b1, a_b2
     w = np.concatenate([c.w_x, c.w_y], axis=-1)
-    m = correlate_matrix(c, p0)
+    m = correlate_matrix(c, h, p0)
     p0_h = p0 @ h
     solved = np.linalg.solve(m, np.concatenate([-w[..., None], transposed(p0_h)], axis=-1))
     k = solved[..., 0]  # eq. 11
@@ -205,15 +206,14 @@ def theta_columns(c: Conditions) -> Array:
     return np.stack([by_x, by_y, by_c1, by_c2], axis=-2)
 
 
-def correlate_matrix(c: Conditions, p0: Array) -> Array:
-    """M (..., 2 L, 2 L) of eq. (11), blocks xx, xy / yx, yy, from the prior covariance P0.
+def correlate_matrix(c: Conditions, h: Array, p0: Array) -> Array:
+    """M (..., 2 L, 2 L) of eq. (11), blocks xx, xy / yx, yy, from H' and the prior covariance P0.
 
     The paper prints the diagonals of M^xx and M^yy with each variance times a coefficient once
     where it belongs twice, (a_b1^x)^2 (sigma_c1^2 + sigma_b1^2) and so on, and leaves
     a_b2^x sigma_c2^2 a_b2^y out of the diagonal of M^xy. Right, one formula serves both cases:
     H P0 H', plus on the diagonals the pair's own A Q A'.
     """
-    h = theta_columns(c)
     m = transposed(h) @ p0 @ h
     pairs = c.w_x.shape[-1]
     x, y = np.arange(pairs), np.arange(pairs, 2 * pairs)
