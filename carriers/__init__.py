@@ -1,1 +1,1 @@
-"""Carriers: processes that observe, navigate and publish what they believe."""
+"""Carriers: each believes its own navigation and reports what its own sensors see."""

@@ -1,1 +1,1 @@
-"""The simulated truth: scenarios, motion, navigation errors, sensors, clocks."""
+"""The truth of a run: scenarios, motions, carriers' errors, sensors; pure, without bus or clock."""

@@ -1,0 +1,239 @@
+"""One simulated carrier as a pure step: the truth in, its messages out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from msgspec import Struct
+
+from estimation.arrays import Array
+from estimation.frames import Site, geodetic_from_enu, on_surface, site_at, wrap_pi
+from schemas import keys
+from schemas.messages import (
+    FeatureColumn,
+    Navigation,
+    Pose,
+    SourceInfo,
+    SourceReport,
+    StreamEnd,
+    TruthCarriers,
+    TruthTargets,
+)
+from sim_world.clocks import stamp_ns
+from sim_world.navigation import declared_covariances, sail
+from sim_world.scenario import Scenario
+from sim_world.scene import Stand, stand_of, targets_of
+from sim_world.sensors import Logs, Look, Sensor
+from sim_world.world import origin_of
+
+_UPPER = np.triu_indices(3)
+
+
+class Outgoing(NamedTuple):
+    """A message and where it goes: `topic.key(run, *ids)`."""
+
+    topic: keys.Topic
+    ids: tuple[str, ...]
+    message: Struct
+
+
+class Stamp:
+    """One life of a carrier: its boot, how far its streams have come, where its way began.
+
+    It is all that is remembered from step to step; a new one is a new boot.
+    """
+
+    def __init__(self, boot: str) -> None:
+        self.boot = boot
+        self._first_step: int | None = None
+        self._last_seq: dict[str, int] = {}
+
+    def begins(self, step: int) -> bool:
+        """Whether this is the first step of this life."""
+        self._first_step = step if self._first_step is None else self._first_step
+        return step == self._first_step
+
+    def first_step(self) -> int:
+        """Where reckoning began; 0 before the first step."""
+        return self._first_step or 0
+
+    def next_seq(self, stream: str) -> int:
+        """The seq of the next message of a stream, from 1."""
+        self._last_seq[stream] = self._last_seq.get(stream, 0) + 1
+        return self._last_seq[stream]
+
+    def manifest(self, carrier: str) -> list[StreamEnd]:
+        """How far every stream has come."""
+        return [
+            StreamEnd(carrier=carrier, boot=self.boot, stream=stream, last_seq=last)
+            for stream, last in sorted(self._last_seq.items())
+        ]
+
+
+class _Now(NamedTuple):
+    """One step as a carrier lives it."""
+
+    step: int
+    t_ns: int
+    stand: Stand
+    stamp: Stamp
+
+
+class Carrier:
+    """A carrier of a scenario; what it says depends on the truth of a step and on its stamp.
+
+    Raises:
+        ValueError: the scenario has no carrier of that name.
+    """
+
+    def __init__(self, scenario: Scenario, name: str) -> None:
+        file = scenario.file
+        part = {c.name: c for c in file.carriers}.get(name)
+        if part is None:
+            raise ValueError(f"no carrier {name!r} among {[c.name for c in file.carriers]}")
+        self.name = name
+        self._part, self._origin = part, origin_of(file)
+        self._voyage = sail(file, part, self._origin, scenario.declared.steps)
+        self._covariance = declared_covariances(part.navigation, self._voyage, file.time.step_s)
+        self._sensors = [Sensor(file, name, sensor) for sensor in part.sensors]
+
+    def step(
+        self, targets: TruthTargets, carriers: TruthCarriers, stamp: Stamp
+    ) -> Iterator[Outgoing]:
+        """Everything the carrier says at one step: sources once, navigation, reports due.
+
+        Raises:
+            ValueError: targets and carriers are of different steps, or this one is not in them.
+        """
+        if targets.step != carriers.step:
+            raise ValueError(f"need one step, got targets {targets.step}, carriers {carriers.step}")
+        stand = stand_of(carriers, self.name, self._origin)
+        now = _Now(targets.step, targets.t_ns, stand, stamp)
+        if stamp.begins(now.step):
+            yield from self._sources(now)
+        yield Outgoing(keys.NAVIGATION, (self.name,), self._navigation(now))
+        scene = targets_of(targets)
+        for sensor in self._sensors:
+            for look in sensor.due(now.step):
+                report = self._report(sensor, look, sensor.observe(look, stand, scene), now)
+                yield Outgoing(keys.REPORT, (self.name, sensor.name), report)
+
+    def _sources(self, now: _Now) -> Iterator[Outgoing]:
+        for sensor in self._sensors:
+            info = SourceInfo(
+                **self._envelope("info", now, now.t_ns),
+                source=sensor.name,
+                properties=sensor.declared,
+            )
+            yield Outgoing(keys.SOURCE, (self.name, sensor.name), info)
+
+    def _navigation(self, now: _Now) -> Navigation:
+        k, voyage, prior = now.step, self._voyage, self._part.navigation
+        way = voyage.way_m[k] - voyage.way_m[now.stamp.first_step()]
+        sigma_speed = float(np.hypot(prior.sigma_speed_mps, prior.sigma_current_mps))
+        return Navigation(
+            **self._envelope("navigation", now, now.t_ns),
+            pose=self._pose(now),
+            kind="fix" if voyage.fixed[k] else "dead_reckoning",
+            correlation_time_s=prior.fix.period_s if prior.fix else 0.0,
+            reckoned_east_m=float(way[0]),
+            reckoned_north_m=float(way[1]),
+            speed_mps=float(voyage.log_mps[k]),
+            sigma_speed_mps=sigma_speed or None,
+            sigma_heading_rad=float(np.sqrt(self._covariance[k, 2, 2])),
+        )
+
+    def _pose(self, now: _Now) -> Pose:
+        """Where it believes it is: the true place moved by the error it has gathered."""
+        true = site_at(self._origin, now.stand.motion.position_m)
+        latitude, longitude = _moved(true, self._voyage.position_error_m[now.step])
+        heading = self._voyage.heading_rad[now.step] - now.stand.north_error_rad
+        return Pose(
+            latitude_rad=latitude,
+            longitude_rad=longitude,
+            altitude_m=true.altitude_m,
+            heading_rad=float(wrap_pi(heading)),
+            covariance=self._covariance[now.step][_UPPER].tolist(),
+        )
+
+    def _report(self, sensor: Sensor, look: Look, logs: Logs, now: _Now) -> SourceReport:
+        measured_ns = now.t_ns + look.after_step_ns
+        return SourceReport(
+            **self._envelope(sensor.name, now, measured_ns, sensor.errors.clock_s),
+            **_columns(sensor, logs),
+        )
+
+    def _envelope(
+        self, stream: str, now: _Now, true_ns: int, clock_s: float = 0.0
+    ) -> dict[str, Any]:
+        """The fields that every input begins with; `clock_s` is what a sensor's clock adds."""
+        return {
+            "carrier": self.name,
+            "boot": now.stamp.boot,
+            "stream": stream,
+            "seq": now.stamp.next_seq(stream),
+            "step": now.step,
+            "t_ns": stamp_ns(true_ns, now.stand.clock_offset_s, clock_s),
+        }
+
+
+def _columns(sensor: Sensor, logs: Logs) -> dict[str, Any]:
+    """The columns of a report; a report of nothing has none."""
+    if not len(logs.bearing_rad):
+        return {}
+    return {
+        "time_offset_s": _list(logs.time_offset_s),
+        **_measured("bearing_rad", logs.bearing_rad, sensor.declared.sigma_bearing_rad),
+        **_measured("range_m", logs.range_m, sensor.declared.sigma_range_m),
+        **_measured("elevation_rad", logs.elevation_rad, sensor.declared.sigma_elevation_rad),
+        **_identities(sensor, logs),
+        **_classes(sensor, logs),
+        "features": _features(sensor, logs),
+    }
+
+
+def _measured(name: str, column: Array | None, sigma: float | None) -> dict[str, Any]:
+    if column is None:
+        return {}
+    return {name: column.tolist(), f"sigma_{name}": [sigma] * len(column)}
+
+
+def _identities(sensor: Sensor, logs: Logs) -> dict[str, Any]:
+    names = _list(logs.identity) or []
+    if not any(names):
+        return {}
+    kinds = [name and sensor.table.identity_kind for name in names]
+    return {"identity": names, "identity_kind": kinds}
+
+
+def _classes(sensor: Sensor, logs: Logs) -> dict[str, Any]:
+    if logs.classes is None or sensor.table.classes is None:
+        return {}
+    told = [None if name is None else [name] for name in logs.classes]
+    accuracy = sensor.table.classes.accuracy
+    return {"classes": told, "class_confidence": [t and accuracy for t in told]}
+
+
+def _features(sensor: Sensor, logs: Logs) -> dict[str, FeatureColumn]:
+    return {
+        f.name: FeatureColumn(
+            values=[None if np.isnan(value) else value for value in logs.features[f.name].tolist()],
+            sigmas=[f.sigma] * len(logs.bearing_rad),
+        )
+        for f in sensor.table.features
+    }
+
+
+def _list(column: np.ndarray | None) -> list[Any] | None:
+    return None if column is None else column.tolist()
+
+
+def _moved(site: Site, east_north_m: Array) -> tuple[float, float]:
+    """Latitude and longitude of the point this far east and north of a site, on its level."""
+    if not east_north_m.any():
+        return site.latitude_rad, site.longitude_rad
+    point = on_surface(site, east_north_m[0], east_north_m[1], site.altitude_m)
+    latitude, longitude, _ = geodetic_from_enu(site, point)
+    return float(latitude), float(longitude)

@@ -1,0 +1,377 @@
+"""What a scenario file may hold, key by key: the one place where degrees are spoken.
+
+Declared (anyone may fetch it): name, title, time, origin, fusion; of a carrier `name`, `navigation`
+and `sensors`. Truth (never for the fusion centre): seed, every `motion` and `errors` table,
+classes, targets, target_groups and tracks.
+
+Places are east and north [m] of the origin; courses and bearings clockwise from north. A motion
+starts where its target does: at `start_s`.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from math import inf
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta, Struct, field
+
+from schemas.messages.values import Id, Metres, Real, Share, Text
+
+Degrees = Annotated[float, Meta(ge=-360, le=360)]
+NonNegative = Annotated[float, Meta(ge=0, le=1e9)]
+Positive = Annotated[float, Meta(gt=0, le=1e9)]
+Speed = Annotated[float, Meta(ge=0, le=3e4)]
+Point = tuple[Metres, Metres]
+Interval = tuple[Real, Real]
+Instant = Annotated[datetime, Meta(tz=True)]
+EPOCH = datetime(2026, 1, 1, tzinfo=UTC)
+EARLIEST = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of a scenario file; a key it does not know is an error, not ignored."""
+
+
+class Motion(Table, frozen=True, kw_only=True, tag_field="kind"):
+    """How something moves; `kind` chooses among the motions below."""
+
+    altitude_m: Annotated[float, Meta(ge=-500, le=1e5)] = 0.0
+
+
+class ConstantVelocity(Motion, frozen=True, kw_only=True, tag="constant_velocity"):
+    """Straight on; speed 0 stands still, its bow along `course_deg`."""
+
+    east_m: Metres
+    north_m: Metres
+    course_deg: Degrees = 0.0
+    speed_mps: Speed = 0.0
+
+
+class ConstantAcceleration(Motion, frozen=True, kw_only=True, tag="constant_acceleration"):
+    """Straight on, faster or slower, until `speed_limit_mps` (default when slowing down: 0)."""
+
+    east_m: Metres
+    north_m: Metres
+    course_deg: Degrees
+    speed_mps: Speed
+    acceleration_mps2: Annotated[float, Meta(ge=-1e3, le=1e3)]
+    speed_limit_mps: Speed | None = None
+
+
+class CoordinatedTurn(Motion, frozen=True, kw_only=True, tag="coordinated_turn"):
+    """A circle, clockwise where the rate is positive; straight before and after the turn.
+
+    Attributes:
+        from_s, until_s: of the turn, counted from the start of the motion.
+    """
+
+    east_m: Metres
+    north_m: Metres
+    course_deg: Degrees
+    speed_mps: Speed
+    turn_rate_deg_s: Annotated[float, Meta(ge=-90, le=90)]
+    from_s: NonNegative = 0.0
+    until_s: Positive = inf
+
+
+class Waypoints(Motion, frozen=True, kw_only=True, tag="waypoints"):
+    """Along a line of points at constant speed, corners rounded; on past the last one.
+
+    Attributes:
+        turn_radius_m: of the corners; smaller where the legs are too short for it.
+        closed: the last point leads back to the first, round and round.
+        start_along_m: how far along the line it is at the start.
+    """
+
+    points_m: Annotated[list[Point], Meta(min_length=2)]
+    speed_mps: Annotated[float, Meta(gt=0, le=3e4)]
+    turn_radius_m: Positive = 200.0
+    closed: bool = False
+    start_along_m: NonNegative = 0.0
+
+
+class Columns(Table, frozen=True, kw_only=True):
+    """Which column of a CSV file holds what; times are ISO 8601 (UTC) or Unix seconds."""
+
+    time: str
+    id: str
+    latitude_deg: str
+    longitude_deg: str
+    altitude_m: str = ""
+    speed_mps: str = ""
+    speed_knots: str = ""
+    course_deg: str = ""
+
+
+class TrackFile(Table, frozen=True, kw_only=True):
+    """A file of recorded tracks and how to read it.
+
+    Attributes:
+        file: CSV, also gzipped; sought beside the scenario, then in the data folder.
+        start: time in the file that is second 0 of the scenario.
+        resample: cubic (Hermite, through reported velocities where there are any) or linear.
+        min_interval_s: closer reports are thinned, their time stamps jitter.
+        max_gap_s: in a longer silence there is no target.
+        altitude_m: where no column says it.
+    """
+
+    file: Annotated[str, Meta(min_length=1)]
+    columns: Columns
+    start: Instant
+    resample: Literal["cubic", "linear"] = "cubic"
+    min_interval_s: NonNegative = 10.0
+    max_gap_s: Positive = 300.0
+    altitude_m: Annotated[float, Meta(ge=-500, le=1e5)] = 0.0
+
+
+class Track(TrackFile, frozen=True, kw_only=True, tag_field="kind", tag="track"):
+    """The recorded track with this `id`; the target exists only while it was reported."""
+
+    id: str | int
+
+
+PathMotion = ConstantVelocity | ConstantAcceleration | CoordinatedTurn | Waypoints
+AnyMotion = ConstantVelocity | ConstantAcceleration | CoordinatedTurn | Waypoints | Track
+
+
+class Time(Table, frozen=True, kw_only=True):
+    """When the run takes place and in which steps.
+
+    Attributes:
+        epoch: scenario time of step 0.
+        max_clock_error_s: messages stamped later than the closing time by more are refused.
+    """
+
+    epoch: Instant = EPOCH
+    step_s: Annotated[float, Meta(ge=1e-3, le=3600)] = 1.0
+    duration_s: Positive
+    max_clock_error_s: NonNegative = 1.0
+
+
+class OriginPoint(Table, frozen=True, kw_only=True):
+    """Where the axes of the run touch the WGS84 ellipsoid."""
+
+    latitude_deg: Annotated[float, Meta(ge=-89, le=89)]
+    longitude_deg: Annotated[float, Meta(ge=-180, le=180)]
+    altitude_m: Metres = 0.0
+
+
+class Errors(Table, frozen=True, kw_only=True):
+    """Whether carriers err at all; false gives known frames and the same sensor noise."""
+
+    enabled: bool = True
+
+
+class Fix(Table, frozen=True, kw_only=True):
+    """Position fixes, as of a satellite receiver: dead reckoning starts anew at each."""
+
+    period_s: Positive
+    sigma_m: Positive
+
+
+class NavigationPrior(Table, frozen=True, kw_only=True):
+    """What a carrier declares of its navigation, one sigma each; 0 = it has no such error.
+
+    Attributes:
+        sigma_position_m: of the position at the start, per axis.
+        sigma_north_deg: of its north at the start, which then wanders by
+            `sigma_north_drift_deg_per_sqrt_h` in an hour.
+        sigma_speed_mps: of the speed through the water, constant over a run.
+        sigma_current_mps: of the unknown current, per axis, constant over a run.
+        sigma_clock_s: of its clock at the start, which then gains `sigma_clock_drift_ppm`.
+    """
+
+    sigma_position_m: NonNegative = 0.0
+    sigma_north_deg: Annotated[float, Meta(ge=0, le=180)] = 0.0
+    sigma_north_drift_deg_per_sqrt_h: Annotated[float, Meta(ge=0, le=180)] = 0.0
+    sigma_speed_mps: NonNegative = 0.0
+    sigma_current_mps: NonNegative = 0.0
+    sigma_clock_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
+    sigma_clock_drift_ppm: NonNegative = 0.0
+    fix: Fix | None = None
+
+
+class FrameErrors(Table, frozen=True, kw_only=True):
+    """The actual errors of a carrier; what is absent is drawn from its declared sigma.
+
+    Attributes:
+        position_east_m, position_north_m: reported less true position at the start.
+        north_deg: bearing of its own north, clockwise from true north, at the start.
+        speed_mps: speed its log shows less speed through the water.
+        current_east_mps, current_north_mps: the current it does not know of.
+        clock_s, clock_drift_ppm: its clock less true time.
+    """
+
+    position_east_m: Metres | None = None
+    position_north_m: Metres | None = None
+    north_deg: Degrees | None = None
+    speed_mps: Metres | None = None
+    current_east_mps: Metres | None = None
+    current_north_mps: Metres | None = None
+    clock_s: Annotated[float, Meta(ge=-1e6, le=1e6)] | None = None
+    clock_drift_ppm: Annotated[float, Meta(ge=-1e6, le=1e6)] | None = None
+
+
+class SensorErrors(Table, frozen=True, kw_only=True):
+    """The actual systematic errors of a sensor; what is absent is drawn from its declared sigma.
+
+    measured range = true * (1 + range_scale) + range_bias_m; measured bearing = true +
+    azimuth_bias_deg; stamp = carrier's clock + clock_s.
+    """
+
+    range_bias_m: Metres | None = None
+    range_scale: Annotated[float, Meta(gt=-1, lt=1)] | None = None
+    azimuth_bias_deg: Degrees | None = None
+    clock_s: Annotated[float, Meta(ge=-1e6, le=1e6)] | None = None
+
+
+class FeatureReports(Table, frozen=True, kw_only=True):
+    """A feature of targets that a sensor measures.
+
+    Attributes:
+        population: least and greatest value; false alarms are drawn from it.
+    """
+
+    name: Id
+    kind: Literal["parametric", "behavioural"] = "parametric"
+    unit: Text = ""
+    sigma: Annotated[float, Meta(gt=0, le=1e12)]
+    population: Interval | None = None
+
+
+class ClassReports(Table, frozen=True, kw_only=True):
+    """A sensor that tells classes: the right one with `accuracy`, else any other."""
+
+    accuracy: Share
+
+
+class Sensor(Table, frozen=True, kw_only=True):
+    """One source of a carrier; see `schemas.messages.SourceProperties` for the common keys.
+
+    Attributes:
+        phase_s: time of the first report; without it one period after the start.
+        sector_deg: first bearing and width, clockwise from the carrier's own north.
+        rotating: logs carry the offset at which the turning antenna passed them.
+        identity_share: share of the targets with an identity whose identity it reads.
+    """
+
+    name: Id
+    kind: Id = "radar"
+    coordinates: Literal["bearing_range", "bearing"] = "bearing_range"
+    period_s: Annotated[float, Meta(ge=1e-3, le=1e6)] = 1.0
+    phase_s: NonNegative = 0.0
+    sigma_bearing_deg: Annotated[float, Meta(gt=0, le=360)]
+    sigma_range_m: Positive | None = None
+    sigma_elevation_deg: Annotated[float, Meta(gt=0, le=180)] | None = None
+    detection_probability: Share = 1.0
+    clutter_per_scan: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
+    range_min_m: NonNegative = 0.0
+    range_max_m: Positive = 1e9
+    sector_deg: tuple[Degrees, Annotated[float, Meta(gt=0, le=360)]] | None = None
+    resolution_bearing_deg: Annotated[float, Meta(ge=0, le=360)] = 0.0
+    resolution_range_m: NonNegative = 0.0
+    rotating: bool = False
+    identity_share: Share = 0.0
+    identity_kind: Text = "name"
+    classes: ClassReports | None = None
+    features: list[FeatureReports] = []
+    sigma_range_bias_m: NonNegative = 0.0
+    sigma_range_scale: Annotated[float, Meta(ge=0, lt=1)] = 0.0
+    sigma_azimuth_bias_deg: Annotated[float, Meta(ge=0, le=180)] = 0.0
+    sigma_clock_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
+    errors: SensorErrors = SensorErrors()
+
+
+class Carrier(Table, frozen=True, kw_only=True):
+    """A carrier: what it declares, and how it truly moves and errs."""
+
+    name: Id
+    use_corrections: bool = False
+    motion: PathMotion
+    navigation: NavigationPrior = NavigationPrior()
+    errors: FrameErrors = FrameErrors()
+    sensors: list[Sensor] = []
+
+
+class TargetClass(Table, frozen=True, kw_only=True):
+    """A class of targets; features: name -> mean and sigma over the class."""
+
+    name: Id
+    features: dict[Id, Interval] = {}
+
+
+class Target(Table, frozen=True, kw_only=True):
+    """One target.
+
+    Attributes:
+        class_name: key `class`; one of [[classes]].
+        identity: a name that sensors may read, such as an MMSI; empty = none.
+        start_s, end_s: when it is there.
+        features: actual values, instead of draws from its class.
+    """
+
+    name: Id
+    class_name: Text = field(name="class", default="")
+    identity: Text = ""
+    start_s: NonNegative = 0.0
+    end_s: Positive = inf
+    features: dict[Id, Real] = {}
+    motion: AnyMotion
+
+
+class TargetGroup(Table, frozen=True, kw_only=True):
+    """Many targets drawn at random, named `<name>-0000` and on.
+
+    Attributes:
+        box_m: east from, east to, north from, north to.
+        classes, motions: name -> weight; motions among constant_velocity (default) and
+            coordinated_turn.
+        course_deg, speed_mps, altitude_m, turn_rate_deg_s: uniform from .. to.
+        identity_share: share of them whose name is an identity as well.
+    """
+
+    name: Id
+    count: Annotated[int, Meta(ge=1, le=1_000_000)]
+    box_m: tuple[Metres, Metres, Metres, Metres]
+    classes: dict[Id, NonNegative] = {}
+    motions: dict[Id, NonNegative] = {}
+    course_deg: Interval = (0.0, 360.0)
+    speed_mps: Interval = (0.0, 0.0)
+    altitude_m: Interval = (0.0, 0.0)
+    turn_rate_deg_s: Interval = (-3.0, 3.0)
+    identity_share: Share = 1.0
+    start_s: NonNegative = 0.0
+    end_s: Positive = inf
+
+
+class Tracks(TrackFile, frozen=True, kw_only=True):
+    """All recorded tracks of a file as targets; their ids are their identities.
+
+    Attributes:
+        name: the targets are called `<name>-<id>`.
+        min_reports: tracks with fewer are left out.
+        ids: only these, where given.
+    """
+
+    name: Id
+    class_name: Text = field(name="class", default="")
+    min_reports: Annotated[int, Meta(ge=2)] = 2
+    ids: list[str | int] = []
+
+
+class ScenarioFile(Table, frozen=True, kw_only=True):
+    """A whole scenario; `fusion` is passed on unread, the fusion centre validates it."""
+
+    name: Id
+    title: Text = ""
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1
+    time: Time
+    origin: OriginPoint
+    fusion: dict[str, Any] = {}
+    errors: Errors = Errors()
+    carriers: Annotated[list[Carrier], Meta(min_length=1)]
+    classes: list[TargetClass] = []
+    targets: list[Target] = []
+    target_groups: list[TargetGroup] = []
+    tracks: list[Tracks] = []
