@@ -1,0 +1,145 @@
+"""The own carrier and one other: what stands in the way of a correction, and how one is made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import hypot
+
+import numpy as np
+from msgspec.structs import replace
+
+from estimation.relative_frame import RelativeFramePrior
+from schemas.messages.outputs import CorrectionState
+
+from . import association, monitor, registration
+from .navigation import NS, carried_sigma_m, frame_covariance, pose_at, way_m
+from .quality import Tally
+from .registration import Poses
+from .source_logs import Sightings, sightings
+from .state import CarrierState, Estimate, Link, Monitor, State
+
+Obstacle = tuple[CorrectionState, str]
+
+
+def obstacle(state: State, other: str, t_ns: int) -> Obstacle | None:
+    """Why a carrier's frame is not registered at all at an instant; None when it is."""
+    if state.carriers.get(state.own, CarrierState()).lost:
+        return "suspended", f"the own carrier {state.own} is lost: its frame is predicted on"
+    if state.carriers.get(other, CarrierState()).lost:
+        return "suspended", f"{other} is lost"
+    if other in state.orders.suspended:
+        return "suspended", "by order of the operator"
+    return next((o for name in (state.own, other) for o in _not_placed(state, name, t_ns)), None)
+
+
+def _not_placed(state: State, name: str, t_ns: int) -> Iterator[Obstacle]:
+    """Why a carrier or its targets cannot be placed; only the first reason is to be asked for."""
+    carrier, sources = state.carriers.get(name, CarrierState()), state.sources(name)
+    if not carrier.boot:
+        yield "off", f"{name} has not been heard yet"
+    if not sources:
+        yield "off", f"no SourceInfo of {name} yet"
+    if all(source.coordinates == "bearing" for source in sources.values()):
+        yield "off", f"{name} reports bearings only: no positions to compare"
+    if not carrier.navigation:
+        yield "off", f"no navigation of {name} yet"
+    newest = carrier.navigation[-1]
+    if frame_covariance(newest.pose, state.declared(name)) is None:
+        yield "off", f"neither {name} nor the scenario says how sure its pose is"
+    if newest.correction_id:
+        yield "suspended", f"the navigation of {name} already holds {newest.correction_id}"
+    age_s = (t_ns - newest.t_ns) * NS
+    if age_s > state.settings.navigation.max_age_s:
+        yield "suspended", f"the navigation of {name} is {age_s:.3g} s old"
+
+
+class Views:
+    """Sightings of carriers at instants, each made once."""
+
+    def __init__(self, state: State) -> None:
+        self._state = state
+        self._seen: dict[tuple[str, int], Sightings] = {}
+
+    def __call__(self, name: str, t_ns: int) -> Sightings:
+        """All targets of a carrier at an instant."""
+        if (name, t_ns) not in self._seen:
+            carrier = self._state.carriers[name]
+            way = way_m(carrier.navigation, t_ns)
+            self._seen[name, t_ns] = sightings(
+                name, carrier.boot, carrier.logs, t_ns, way, self._state.settings.logs
+            )
+        return self._seen[name, t_ns]
+
+
+def with_registrations(state: State, tally: Tally) -> State:
+    """The state after every carrier has been registered with which the own one shares news."""
+    views = Views(state)
+    links = {
+        name: _after_news(state, name, link, views, tally)
+        if link.own_news and link.other_news
+        else link
+        for name, link in sorted(state.links.items())
+    }
+    return replace(state, links=links)
+
+
+def _after_news(state: State, name: str, link: Link, views: Views, tally: Tally) -> Link:
+    """One report event: associate, register, judge."""
+    t_ns = max(state.carriers[c].report_t_ns for c in (state.own, name))
+    if (reason := obstacle(state, name, t_ns)) is not None:
+        return Link(estimate=link.estimate if reason[0] == "suspended" else None)
+    between, prior = navigated(state, name, t_ns)
+    own = views(state.own, t_ns)
+    other = registration.in_own_plane(views(name, t_ns), between)
+    applied = link.estimate if link.monitor.state == "applied" else None
+    frame = registration.at(applied, prior) if applied else None
+    gate = state.settings.association.gate
+    pairs = association.associate(own, other, state.orders, frame, gate)
+    pairs = registration.with_bearings(pairs, own, other)
+    found, nis = None, np.zeros(0)
+    if pairs:
+        found, nis = registration.register(own, other, pairs, prior, between)
+    tally.registered((state.own, name), own, other, pairs, nis)
+    judged, adopted = monitor.after_registration(link.monitor, found, state.settings.monitor)
+    return Link(monitor=judged, estimate=found if adopted else link.estimate)
+
+
+def navigated(state: State, other: str, t_ns: int) -> tuple[Poses, RelativeFramePrior]:
+    """Where navigation puts the own carrier and another at an instant, and how sure it is.
+
+    Both must have navigation and a stated covariance, see `obstacle`.
+    """
+    poses, covariances = [], []
+    for name in (state.own, other):
+        pose = pose_at(state.carriers[name].navigation, t_ns)
+        covariance = frame_covariance(pose, state.declared(name))
+        if covariance is None:
+            raise ValueError(f"nothing says how sure the pose of {name} is")
+        poses.append(pose)
+        covariances.append(covariance)
+    between = registration.poses(t_ns, *poses)
+    return between, registration.prior_of(between, *covariances)
+
+
+def status(state: State, other: str, t_ns: int) -> tuple[Monitor, Estimate | None]:
+    """What is to be published of a carrier at a closing.
+
+    When the own carrier is lost its frame is predicted on with its last navigation, and with it
+    where the other carrier lies in it.
+    """
+    link = state.links[other]
+    reason = obstacle(state, other, t_ns)
+    if reason is None:
+        return link.monitor, link.estimate
+    blocked = Monitor(state=reason[0], reason=reason[1])
+    if reason[0] == "off":
+        return blocked, None
+    own = state.carriers.get(state.own, CarrierState())
+    if own.lost and link.estimate is not None:
+        between, prior = navigated(state, other, t_ns)
+        sigma = state.settings.navigation.sigma_speed_mps
+        astray = [
+            carried_sigma_m(state.carriers[c].navigation, t_ns, sigma) for c in (state.own, other)
+        ]
+        return blocked, registration.predicted(link.estimate, prior, between, hypot(*astray))
+    return blocked, link.estimate

@@ -1,0 +1,172 @@
+"""The fusion as one pure step: no bus, no clock, no randomness.
+
+A Closed is fused instant by instant, in the order of the stamps. Whenever the own carrier and
+another have both reported since their last registration, that is a *report event*: the other's
+frame is registered anew, at the later of the two instants. So the estimates and their monitors
+depend on what was said of which instant, and not on how time was cut into Closed messages.
+
+A Correction of every other carrier is published with every Closed. Where there was no report event
+it repeats the last one; `valid_t_ns` says for when it holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from msgspec.structs import replace
+
+from schemas import keys
+from schemas.errors import SettingsError
+from schemas.messages import (
+    Association,
+    Closed,
+    Correction,
+    DeclaredScenario,
+    Event,
+    Input,
+    Output,
+    Quality,
+)
+
+from . import timeline
+from .intake import absorb, take_part
+from .links import status, with_registrations
+from .orders import carry_out
+from .quality import Tally
+from .settings import Settings
+from .state import State
+from .timeline import Batch
+
+
+class Published(NamedTuple):
+    """An output and where it goes: `topic.key(run, *ids)`."""
+
+    topic: keys.Topic
+    ids: tuple[str, ...]
+    message: Output
+
+
+Outputs = list[Published]
+
+
+def initial(scenario: DeclaredScenario, settings: Settings, centre: str = keys.FUSION) -> State:
+    """The state before the first Closed.
+
+    Raises:
+        SettingsError: the own carrier is not declared, or none is and `own` does not name one.
+    """
+    names = [carrier.name for carrier in scenario.carriers]
+    own = settings.own or (names[0] if names else "")
+    if not own or (names and own not in names):
+        raise SettingsError(
+            "no such carrier", where="own", got=own, expected=" or ".join(names) or "a carrier"
+        )
+    return State(centre=centre, own=own, scenario=scenario, settings=settings)
+
+
+def step(state: State, closed: Closed, messages: Sequence[Input | Event]) -> tuple[State, Outputs]:
+    """Fuse what one Closed names; nothing here knows of Zenoh or of the clock.
+
+    Args:
+        messages: at least what the Closed names, and the events of its step, in any order;
+            whatever else is among them is left alone.
+
+    Raises:
+        ValueError: a message that the Closed names is missing.
+    """
+    # what counts, and who takes part
+    error_s = state.scenario.max_clock_error_s
+    now, batch = timeline.take(state.timeline, closed, messages, error_s)
+    state = carry_out(replace(state, timeline=now), batch.events)
+    state = take_part(state, closed)
+    tally = _not_fused(batch, closed)
+
+    # target logs -> own axes -> pairs -> relative frames, instant by instant
+    for instant in batch.instants:
+        for message in instant.messages:
+            state = absorb(state, message, tally)
+        state = with_registrations(state, tally)
+
+    # what is known at the closing
+    return _published(state, closed, batch, tally)
+
+
+def _not_fused(batch: Batch, closed: Closed) -> Tally:
+    """Begin to count, with what is too late or too early to be fused."""
+    tally = Tally()
+    for message in batch.late:
+        tally.late(message)
+    for message in batch.future:
+        tally.future(message, (message.t_ns - closed.t_ns) * 1e-9)
+    return tally
+
+
+def _published(state: State, closed: Closed, batch: Batch, tally: Tally) -> tuple[State, Outputs]:
+    """The outputs of a Closed, numbered by their keys."""
+    correction, association, quality = keys.CORRECTION, keys.ASSOCIATION, keys.QUALITY
+    centre, published = state.centre, dict(state.published)
+
+    def number(topic: keys.Topic, *ids: str) -> int:
+        name = "/".join((topic.name, *ids))
+        published[name] = published.get(name, 0) + 1
+        return published[name]
+
+    outputs = [
+        Published(
+            correction,
+            (centre, carrier),
+            _correction(state, closed, carrier, number(correction, centre, carrier)),
+        )
+        for carrier in sorted(state.links)
+    ]
+    associated = Association(
+        centre=centre,
+        seq=number(association, centre),
+        step=closed.step,
+        t_ns=closed.t_ns,
+        targets=tally.targets(),
+        alone=tally.alone(),
+    )
+    how_well = Quality(
+        centre=centre,
+        seq=number(quality, centre),
+        step=closed.step,
+        t_ns=closed.t_ns,
+        sources=tally.sources(),
+        late=batch.late_count,
+        gave_up=batch.gave_up_count,
+        messages=batch.fused,
+    )
+    outputs.append(Published(association, (centre,), associated))
+    outputs.append(Published(quality, (centre,), how_well))
+    return replace(state, published=published), outputs
+
+
+def _correction(state: State, closed: Closed, carrier: str, seq: int) -> Correction:
+    """Where a carrier's frame lies, as far as it is known at a closing."""
+    monitor, estimate = status(state, carrier, closed.t_ns)
+    blank = Correction(
+        centre=state.centre,
+        seq=seq,
+        step=closed.step,
+        t_ns=closed.t_ns,
+        carrier=carrier,
+        id=f"{carrier}-{closed.step}",
+        state=monitor.state,
+        reason=monitor.reason[:1024],
+    )
+    if estimate is None:
+        return blank
+    return replace(
+        blank,
+        valid_t_ns=estimate.valid_t_ns,
+        own_pose=estimate.own_pose,
+        other_pose=estimate.other_pose,
+        own_axes=estimate.own_axes,
+        fixed_axes=estimate.fixed_axes,
+        directions=list(estimate.directions),
+        pairs=estimate.pairs,
+        chi2=estimate.chi2,
+        dof=estimate.dof,
+    )

@@ -1,0 +1,228 @@
+"""Where an other carrier's frame lies against the own one, from the pairs of one instant.
+
+The method is paper 000's closed form, memoryless: the pairs of this instant and the prior. The
+known difference of the two tangent planes is taken out through ECEF first, so that only the
+residual (offset, c1, c2) is left to the paper's flat algebra.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace as with_fields
+from typing import NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+
+from estimation.arrays import Array, transposed
+from estimation.consistency import nis
+from estimation.frames import (
+    RigidTransform,
+    on_surface,
+    rotation_clockwise,
+    target_from_source,
+    wrap_pi,
+    yaw_rad,
+)
+from estimation.relative_frame import (
+    OwnAxesFrame,
+    PolarLogs,
+    RelativeFrame,
+    RelativeFramePrior,
+    closed_form,
+    directions,
+    in_own_axes,
+    prior_in_own_axes,
+)
+from estimation.relative_frame.closed_form import conditions
+from schemas.messages import Direction, FixedAxes, OwnAxes, Pose
+
+from .association import Pair
+from .navigation import site, symmetric, upper_triangle
+from .source_logs import Sightings
+from .state import Estimate
+
+LEAST_SIGMA_M, LEAST_SIGMA_RAD = 1e-3, 1e-7
+"""A prior is never surer than this, so that every ratio to it exists."""
+LEAST_RANGE_M = 1.0
+"""A target log nearer to its carrier has no bearing."""
+
+
+class Poses(NamedTuple):
+    """Reported poses of two carriers at one instant, and the transform between their planes."""
+
+    t_ns: int
+    own: Pose
+    other: Pose
+    own_from_other: RigidTransform
+
+
+def poses(t_ns: int, own: Pose, other: Pose) -> Poses:
+    """Two poses with the known transform between their tangent planes."""
+    return Poses(t_ns, own, other, target_from_source(site(own), site(other)))
+
+
+def in_own_plane(other: Sightings, between: Poses) -> Sightings:
+    """The other's sightings with their places along the axes of the own tangent plane.
+
+    They stay relative to the other's reported position; what remains between the two frames are
+    the errors of the poses alone.
+    """
+    if not other.log:
+        return other
+    east, north = other.east_north_m.T
+    enu = on_surface(site(between.other), east, north, other.altitude_m)
+    turn = rotation_clockwise(yaw_rad(between.own_from_other))
+    return with_fields(
+        other,
+        east_north_m=enu @ between.own_from_other.rotation[:2].T,
+        covariance=turn @ other.covariance @ turn.T,
+    )
+
+
+def prior_of(between: Poses, own_covariance: Array, other_covariance: Array) -> RelativeFramePrior:
+    """What both carriers' navigation says of the relative frame.
+
+    A stated correlation between a carrier's position and its north is left out: the paper's prior
+    has no place for it.
+
+    Args:
+        own_covariance, other_covariance: (3, 3) of east, north and north direction, each in its
+            carrier's own plane.
+    """
+    turn = rotation_clockwise(yaw_rad(between.own_from_other))
+    offset = own_covariance[:2, :2] + turn @ other_covariance[:2, :2] @ turn.T
+    sigma_c1, sigma_c2 = np.sqrt([own_covariance[2, 2], other_covariance[2, 2]])
+    return RelativeFramePrior(
+        offset_m=between.own_from_other.translation_m[:2],
+        offset_covariance=offset + LEAST_SIGMA_M**2 * np.eye(2),
+        sigma_c1_rad=max(float(sigma_c1), LEAST_SIGMA_RAD),
+        sigma_c2_rad=max(float(sigma_c2), LEAST_SIGMA_RAD),
+    )
+
+
+def with_bearings(pairs: Sequence[Pair], own: Sightings, other: Sightings) -> list[Pair]:
+    """The pairs whose logs both stand clear of their carriers."""
+    own_range = np.hypot(*own.east_north_m.T)
+    other_range = np.hypot(*other.east_north_m.T)
+    return [
+        pair
+        for pair in pairs
+        if own_range[pair.own] > LEAST_RANGE_M and other_range[pair.other] > LEAST_RANGE_M
+    ]
+
+
+def register(
+    own: Sightings,
+    other: Sightings,
+    pairs: Sequence[Pair],
+    prior: RelativeFramePrior,
+    between: Poses,
+) -> tuple[Estimate, Array]:
+    """The frame from one or more pairs, and each pair's normalised squared misclosure (L,).
+
+    Args:
+        other: its places along the axes of the own plane.
+    """
+    own_logs = _polar(own, [pair.own for pair in pairs])
+    other_logs = _polar(other, [pair.other for pair in pairs])
+    frame = closed_form(own_logs, other_logs, prior)
+    in_own, before = in_own_axes(frame, prior), prior_in_own_axes(prior)
+    found = directions(in_own.covariance, before.covariance)
+    estimate = Estimate(
+        valid_t_ns=between.t_ns,
+        own_pose=between.own,
+        other_pose=between.other,
+        own_axes=_own_axes(in_own, prior),
+        fixed_axes=_fixed_axes(frame),
+        directions=tuple(
+            Direction(name=d.name, ratio=min(d.ratio, 1e6), status=d.status) for d in found
+        ),
+        pairs=frame.pairs,
+        chi2=min(max(float(frame.chi2), 0.0), 1e18),
+        dof=frame.dof,
+    )
+    return estimate, _after_correction(own_logs, other_logs, prior, frame)
+
+
+def at(estimate: Estimate, prior: RelativeFramePrior, moved_m: float = 0.0) -> OwnAxesFrame:
+    """An estimate at the reported poses of another instant: its errors of frames stay.
+
+    Args:
+        prior: of that instant; only its reported offset is used.
+        moved_m: sigma per axis by which the reported offset may have gone astray since.
+    """
+    return in_own_axes(_frame(estimate.fixed_axes, moved_m), prior)
+
+
+def predicted(
+    estimate: Estimate, prior: RelativeFramePrior, between: Poses, moved_m: float
+) -> Estimate:
+    """An estimate carried on to an instant at which nothing was measured; see `at`."""
+    frame = _frame(estimate.fixed_axes, moved_m)
+    return replace(
+        estimate,
+        valid_t_ns=between.t_ns,
+        own_pose=between.own,
+        other_pose=between.other,
+        own_axes=_own_axes(in_own_axes(frame, prior), prior),
+        fixed_axes=_fixed_axes(frame),
+    )
+
+
+def _polar(logs: Sightings, which: list[int]) -> PolarLogs:
+    return PolarLogs.from_east_north(logs.east_north_m[which], logs.covariance[which])
+
+
+def _after_correction(
+    own: PolarLogs, other: PolarLogs, prior: RelativeFramePrior, frame: RelativeFrame
+) -> Array:
+    """Normalised squared misclosures (L,) that the correction leaves, 2 dof each.
+
+    The correction was made of the same pairs: what is left varies by S - H P H', not by S. A
+    single pair leaves next to nothing; the billionth of S keeps that from being singular.
+    """
+    c = conditions(own, other, prior.offset_m)
+    theta = np.array([*frame.offset_correction_m, frame.c1_rad, frame.c2_rad])
+    h = np.zeros((own.count, 2, 4))
+    h[:, 0, 0] = h[:, 1, 1] = -1.0
+    h[:, 0, 2], h[:, 1, 2], h[:, 0, 3], h[:, 1, 3] = c.a_b1_x, c.a_b1_y, c.a_b2_x, c.a_b2_y
+    left = np.array([c.w_x, c.w_y]).T + h @ theta
+    s = np.array([[c.s_xx, c.s_xy], [c.s_xy, c.s_yy]]).transpose(2, 0, 1)
+    return nis(left, s * (1 + 1e-9) - h @ frame.covariance @ transposed(h))
+
+
+def _own_axes(frame: OwnAxesFrame, prior: RelativeFramePrior) -> OwnAxes:
+    return OwnAxes(
+        east_m=float(frame.q_m[0]),
+        north_m=float(frame.q_m[1]),
+        rotation_rad=float(wrap_pi(frame.D_rad)),
+        covariance=_triangle(frame.covariance),
+        reported_east_m=float(prior.offset_m[0]),
+        reported_north_m=float(prior.offset_m[1]),
+    )
+
+
+def _fixed_axes(frame: RelativeFrame) -> FixedAxes:
+    return FixedAxes(
+        offset_east_m=float(frame.offset_correction_m[0]),
+        offset_north_m=float(frame.offset_correction_m[1]),
+        c1_rad=float(wrap_pi(frame.c1_rad)),
+        c2_rad=float(wrap_pi(frame.c2_rad)),
+        covariance=_triangle(frame.covariance),
+    )
+
+
+def _frame(fixed: FixedAxes, moved_m: float) -> RelativeFrame:
+    """The estimate of a message as `estimation` has it, its offset less sure by `moved_m`."""
+    covariance = symmetric(fixed.covariance, 4)
+    covariance[(0, 1), (0, 1)] += moved_m**2
+    offset = np.array([fixed.offset_east_m, fixed.offset_north_m])
+    c1, c2 = np.array(fixed.c1_rad), np.array(fixed.c2_rad)
+    return RelativeFrame(offset, c1, c2, covariance, np.array(0.0), 0, 0)
+
+
+def _triangle(matrix: Array) -> list[float]:
+    """Upper triangle, row by row."""
+    triangle: list[float] = matrix[upper_triangle(len(matrix))].tolist()
+    return triangle

@@ -1,0 +1,194 @@
+"""Everything that can be tuned in the fusion, in one tree: `[fusion]` of a scenario file.
+
+Each setting has its doc, its default and its limits in its declaration; `describe` lists them,
+`settings_from` reads a table, `with_setting` changes one by its dotted name. All three refuse what
+does not exist or lies outside its limits, and name what comes nearest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
+from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
+
+import msgspec
+from msgspec import Meta, Struct
+from msgspec.structs import replace
+
+from schemas.errors import SettingsError
+
+
+def _positive(doc: str, most: float) -> Meta:
+    return Meta(gt=0, le=most, description=doc)
+
+
+class LogSettings(Struct, frozen=True, kw_only=True):
+    """How target logs are kept and brought to one instant."""
+
+    max_age_s: Annotated[
+        float,
+        _positive("a log is extrapolated no further, and over no longer gap, than this", 3600.0),
+    ] = 15.0
+    single_max_age_s: Annotated[
+        float,
+        _positive("the same for a log without a predecessor: its velocity is unknown", 3600.0),
+    ] = 1.0
+    sigma_velocity_mps: Annotated[
+        float, _positive("per axis, of a target of which there is only one log", 1e5)
+    ] = 30.0
+    sigma_acceleration_mps2: Annotated[
+        float,
+        Meta(ge=0, le=1e4, description="per axis: what a line through two logs leaves out"),
+    ] = 0.3
+    target_altitude_m: Annotated[
+        float,
+        Meta(ge=-1e3, le=1e5, description="above the ellipsoid, of logs that say nothing of it"),
+    ] = 0.0
+    max_per_source: Annotated[
+        int, Meta(ge=1, le=10**6, description="targets remembered of one source, newest first")
+    ] = 5000
+
+
+class NavigationSettings(Struct, frozen=True, kw_only=True):
+    """How carriers are carried on between and after their navigation messages."""
+
+    max_age_s: Annotated[
+        float, _positive("older navigation of a carrier places it no longer", 3600.0)
+    ] = 30.0
+    sigma_speed_mps: Annotated[
+        float, _positive("of a carrier that is carried on, where it states none itself", 1e3)
+    ] = 0.5
+
+
+class AssociationSettings(Struct, frozen=True, kw_only=True):
+    """Which logs of two carriers are taken for one target."""
+
+    gate: Annotated[
+        float, _positive("chi2 of 2 dof within which coordinates may pair; 9.21 is 99 %", 1e4)
+    ] = 9.21
+    max_orders: Annotated[
+        int, Meta(ge=0, le=10**5, description="operator's bound or forbidden pairs remembered")
+    ] = 1000
+
+
+class MonitorSettings(Struct, frozen=True, kw_only=True):
+    """When a correction is applied, and when no longer; all counted in report events."""
+
+    apply_after: Annotated[
+        int, Meta(ge=1, le=10**4, description="good estimates in a row before it is applied")
+    ] = 3
+    leave_after: Annotated[
+        int, Meta(ge=1, le=10**4, description="undetermined estimates in a row before it is left")
+    ] = 3
+    suspend_after: Annotated[
+        int, Meta(ge=1, le=10**4, description="excessive chi2 in a row before it is suspended")
+    ] = 2
+    chi2_false_alarm: Annotated[
+        float, Meta(gt=0, lt=1, description="probability that a right estimate's chi2 is excessive")
+    ] = 1e-3
+
+
+class Settings(Struct, frozen=True, kw_only=True):
+    """The settings of the fusion centre."""
+
+    own: Annotated[
+        str,
+        Meta(
+            pattern=r"^[a-z0-9_-]{0,32}$(?!\n)",
+            description="the carrier whose frame is the picture's; empty = the first declared",
+        ),
+    ] = ""
+    logs: LogSettings = LogSettings()
+    navigation: NavigationSettings = NavigationSettings()
+    association: AssociationSettings = AssociationSettings()
+    monitor: MonitorSettings = MonitorSettings()
+
+
+class Description(NamedTuple):
+    """One setting for people: dotted name, default, limits in words, doc."""
+
+    name: str
+    default: bool | int | float | str
+    limits: str
+    doc: str
+
+
+def describe() -> list[Description]:
+    """Every setting there is, in the order of declaration."""
+    return [
+        Description(name, _value_of(Settings(), name), _limits(kind), _meta(kind).description or "")
+        for name, kind in _kinds(Settings)
+    ]
+
+
+def settings_from(table: Mapping[str, Any]) -> Settings:
+    """The settings a `[fusion]` table asks for; what it leaves out has its default.
+
+    Raises:
+        SettingsError: an unknown name or a value outside its limits; `where` is the dotted name.
+    """
+    settings = Settings()
+    for name, value in _leaves(table):
+        settings = with_setting(settings, name, value)
+    return settings
+
+
+def with_setting(settings: Settings, name: str, value: object) -> Settings:
+    """The settings with one changed, by its dotted name such as `association.gate`.
+
+    Raises:
+        SettingsError: no such setting, or the value has the wrong type or lies outside its limits.
+    """
+    kinds = dict(_kinds(Settings))
+    if name not in kinds:
+        nearest = get_close_matches(name, kinds, n=1, cutoff=0.0)[0]
+        raise SettingsError("no such setting", where=name, got=value, expected=f"such as {nearest}")
+    try:
+        checked = msgspec.convert(value, kinds[name])
+    except msgspec.ValidationError:
+        limits = _limits(kinds[name])
+        raise SettingsError("no such value", where=name, got=value, expected=limits) from None
+    group, _, field = name.rpartition(".")
+    if not group:
+        return replace(settings, **{field: checked})
+    return replace(settings, **{group: replace(getattr(settings, group), **{field: checked})})
+
+
+def _kinds(tree: type[Struct], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted name and annotated type of every leaf."""
+    for field, kind in get_type_hints(tree, include_extras=True).items():
+        if isinstance(kind, type) and issubclass(kind, Struct):
+            yield from _kinds(kind, f"{field}.")
+        else:
+            yield prefix + field, kind
+
+
+def _leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def _value_of(settings: Settings, name: str) -> Any:
+    group, _, field = name.rpartition(".")
+    return getattr(getattr(settings, group) if group else settings, field)
+
+
+def _meta(kind: Any) -> Meta:
+    meta: Meta = get_args(kind)[1]
+    return meta
+
+
+def _limits(kind: Any) -> str:
+    """Type and limits in words: `float > 0 and <= 10000`."""
+    base, meta = get_args(kind)
+    if meta.pattern is not None:
+        return "an id ([a-z0-9_-], up to 32) or nothing"
+    bounds = [
+        f"{sign} {bound:g}"
+        for sign, bound in ((">", meta.gt), (">=", meta.ge), ("<", meta.lt), ("<=", meta.le))
+        if bound is not None
+    ]
+    return f"{base.__name__} {' and '.join(bounds)}"

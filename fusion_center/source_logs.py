@@ -1,0 +1,304 @@
+"""The last two logs of every target of a source, and where they put it at another instant."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.arrays import Array
+from schemas.messages import SourceReport
+
+from .coordinates import Places
+from .navigation import NS
+from .settings import LogSettings
+from .state import SourceLogs
+
+
+class Absorbed(NamedTuple):
+    """What became of the logs of one report.
+
+    Attributes:
+        logs: how many there were.
+        sigma_defaults: brought no sigma of their own.
+        without_sigma: have a position, but neither they nor their source a sigma: not used.
+        increments: of a kind that is not a position: not used.
+        superseded: not newer than what is known of their target: not used.
+        claimed_twice: names that two logs claim: none of these is used.
+    """
+
+    logs: int = 0
+    sigma_defaults: int = 0
+    without_sigma: int = 0
+    increments: int = 0
+    superseded: int = 0
+    claimed_twice: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Sightings:
+    """Target logs of one carrier at one instant, n of them.
+
+    Attributes:
+        log, source: id of the newest log behind each, and the source that brought it.
+        identity, track: kind/name others see too; carrier/source/track_id; either may be empty.
+        east_north_m: (n, 2) from the carrier's reported position, in its believed axes.
+        covariance: (n, 2, 2) [m^2].
+        altitude_m: (n,) above the ellipsoid.
+    """
+
+    log: tuple[str, ...]
+    source: tuple[str, ...]
+    identity: tuple[str, ...]
+    track: tuple[str, ...]
+    east_north_m: Array
+    covariance: Array
+    altitude_m: Array
+
+
+NO_LOGS = SourceLogs(
+    key=(),
+    identity=(),
+    track=(),
+    seq=np.zeros(0, dtype=np.int64),
+    index=np.zeros(0, dtype=np.int64),
+    t_ns=np.zeros((2, 0), dtype=np.int64),
+    place_m=np.zeros((2, 0, 2)),
+    covariance=np.zeros((2, 0, 2, 2)),
+    altitude_m=np.zeros(0),
+)
+
+
+def with_report(
+    logs: SourceLogs, report: SourceReport, places: Places, way_m: Array, settings: LogSettings
+) -> tuple[SourceLogs, Absorbed]:
+    """Put the logs of a report before those already known of the same targets.
+
+    Args:
+        places: of the report's logs, relative to its carrier.
+        way_m: (n, 2) dead-reckoned way of the carrier at each log.
+    """
+    fresh = _read(report, places, way_m, settings)
+    twice = {name for name, count in Counter(fresh.key).items() if name and count > 1}
+    single = np.array([name not in twice for name in fresh.key], dtype=np.bool_)
+    known = {name: i for i, name in enumerate(logs.key) if name}
+    previous = np.array([known.get(name, -1) for name in fresh.key], dtype=np.int64)
+    newer = fresh.t_ns > np.append(logs.t_ns[0], -1)[previous]
+    used = np.flatnonzero(fresh.usable & single & newer)
+
+    taken = {fresh.key[i] for i in used} | twice
+    kept = _still_of_use(logs, report, taken, settings)
+    merged = _merged(logs, fresh, used, previous[used], kept, settings)
+    return merged, Absorbed(
+        logs=len(report),
+        sigma_defaults=int(places.defaulted.sum()),
+        without_sigma=int((places.located & ~places.usable).sum()),
+        increments=len(report) - int(fresh.positions.sum()),
+        superseded=int((fresh.usable & ~newer).sum()),
+        claimed_twice=tuple(sorted(name.partition("/")[2] for name in twice)),
+    )
+
+
+class _Fresh(NamedTuple):
+    """The logs of a report in the terms of `SourceLogs`."""
+
+    seq: int
+    key: list[str]
+    identity: list[str]
+    track: list[str]
+    positions: NDArray[np.bool_]
+    usable: NDArray[np.bool_]
+    t_ns: NDArray[np.int64]
+    place_m: Array
+    covariance: Array
+    altitude_m: Array
+
+
+def _read(report: SourceReport, places: Places, way_m: Array, settings: LogSettings) -> _Fresh:
+    """Names, instants and places of a report's logs; an unsure instant makes the place unsure."""
+    n = len(report)
+    identity, track = _identities(report, n), _texts(report.track_id, n)
+    key = [f"i/{i}" if i else f"t/{t}" if t else "" for i, t in zip(identity, track, strict=True)]
+    kinds = _texts(report.kind, n)
+    positions = np.array([kind != "increment" for kind in kinds], dtype=np.bool_)
+    covariance = places.covariance
+    if report.sigma_time_offset_s is not None:
+        sigma_s = np.nan_to_num(np.array(report.sigma_time_offset_s, dtype=np.float64))
+        covariance = covariance + _round((settings.sigma_velocity_mps * sigma_s) ** 2)
+    return _Fresh(
+        seq=report.seq,
+        key=key,
+        identity=identity,
+        track=track,
+        positions=positions,
+        usable=places.usable & positions,
+        t_ns=instants_ns(report),
+        place_m=places.east_north_m + way_m,
+        covariance=covariance,
+        altitude_m=places.altitude_m,
+    )
+
+
+def instants_ns(report: SourceReport) -> NDArray[np.int64]:
+    """When each log of a report was measured (n,)."""
+    n = len(report)
+    if report.time_offset_s is None:
+        return np.full(n, report.t_ns, dtype=np.int64)
+    offset_s: Array = np.nan_to_num(np.array(report.time_offset_s, dtype=np.float64))
+    return report.t_ns + np.rint(offset_s / NS).astype(np.int64)
+
+
+def _still_of_use(
+    logs: SourceLogs, report: SourceReport, taken: set[str], settings: LogSettings
+) -> NDArray[np.int64]:
+    """Targets a report says nothing of but that are young enough to be carried on.
+
+    A plot without a name cannot be followed: the next report over the whole field replaces it.
+    """
+    young = (report.t_ns - logs.t_ns[0]) * NS <= settings.max_age_s
+    nameless = report.swept is not None
+    of_use = [
+        i
+        for i, name in enumerate(logs.key)
+        if young[i] and (name not in taken if name else nameless)
+    ]
+    return np.array(of_use, dtype=np.int64)
+
+
+def _merged(
+    logs: SourceLogs,
+    fresh: _Fresh,
+    used: NDArray[np.intp],
+    previous: NDArray[np.int64],
+    kept: NDArray[np.int64],
+    settings: LogSettings,
+) -> SourceLogs:
+    """The used fresh logs, each before its previous one, and after them the kept targets."""
+    known = np.flatnonzero(previous >= 0)
+    gap_s = (fresh.t_ns[used[known]] - logs.t_ns[0, previous[known]]) * NS
+    known = known[gap_s <= settings.max_age_s]  # no straight line over a longer gap
+    t_ns = np.stack([fresh.t_ns[used], np.full(len(used), -1)])
+    place = np.stack([fresh.place_m[used], np.zeros((len(used), 2))])
+    covariance = np.stack([fresh.covariance[used], np.zeros((len(used), 2, 2))])
+    t_ns[1, known] = logs.t_ns[0, previous[known]]
+    place[1, known] = logs.place_m[0, previous[known]]
+    covariance[1, known] = logs.covariance[0, previous[known]]
+
+    most = settings.max_per_source
+    return SourceLogs(
+        key=_joined(fresh.key, used, logs.key, kept)[:most],
+        identity=_joined(fresh.identity, used, logs.identity, kept)[:most],
+        track=_joined(fresh.track, used, logs.track, kept)[:most],
+        seq=np.concatenate([np.full(len(used), fresh.seq), logs.seq[kept]])[:most],
+        index=np.concatenate([used, logs.index[kept]])[:most],
+        t_ns=np.concatenate([t_ns, logs.t_ns[:, kept]], axis=1)[:, :most],
+        place_m=np.concatenate([place, logs.place_m[:, kept]], axis=1)[:, :most],
+        covariance=np.concatenate([covariance, logs.covariance[:, kept]], axis=1)[:, :most],
+        altitude_m=np.concatenate([fresh.altitude_m[used], logs.altitude_m[kept]])[:most],
+    )
+
+
+def at_instant(
+    logs: SourceLogs, t_ns: int, settings: LogSettings
+) -> tuple[NDArray[np.intp], Array, Array]:
+    """Targets at an instant, by the straight line through their last two logs.
+
+    With weights a = (t - t1) / (t2 - t1) and 1 - a the covariance is a^2 C2 + (1 - a)^2 C1, and
+    what an acceleration would add to the line, half of it times (t - t1) (t - t2). A target of
+    which there is one log only stays where it was, its velocity unknown.
+
+    Returns:
+        which targets are young enough (m,), their places (m, 2) and covariances (m, 2, 2).
+    """
+    after_s = (t_ns - logs.t_ns[0]) * NS
+    two = logs.t_ns[1] >= 0
+    gap_s = np.where(two, (logs.t_ns[0] - logs.t_ns[1]) * NS, 1.0)
+    limit_s = np.where(two, settings.max_age_s, settings.single_max_age_s)
+    which = np.flatnonzero(np.abs(after_s) <= limit_s)
+
+    after_s, two, gap_s = after_s[which], two[which], gap_s[which]
+    a = np.where(two, 1 + after_s / gap_s, 1.0)
+    curved_m = settings.sigma_acceleration_mps2 / 2 * after_s * (after_s + gap_s)
+    wandered_m = settings.sigma_velocity_mps * after_s
+    newest, before = logs.place_m[:, which]
+    c2, c1 = logs.covariance[:, which]
+    place = a[:, None] * newest + (1 - a)[:, None] * before
+    covariance = (a**2)[:, None, None] * c2 + ((1 - a) ** 2)[:, None, None] * c1
+    return which, place, covariance + _round(np.where(two, curved_m, wandered_m) ** 2)
+
+
+def sightings(
+    carrier: str,
+    boot: int,
+    logs: Mapping[str, SourceLogs],
+    t_ns: int,
+    way_m: Array,
+    settings: LogSettings,
+) -> Sightings:
+    """All targets of a carrier at one instant, source by source in the order of their names.
+
+    Args:
+        boot: ordinal of the carrier's life, part of a log's id.
+        way_m: (2,) the carrier's dead-reckoned way at that instant.
+    """
+    seen = [
+        _Seen(carrier, boot, name, logs[name], *at_instant(logs[name], t_ns, settings))
+        for name in sorted(logs)
+    ]
+    return Sightings(
+        log=tuple(name for s in seen for name in s.log_ids()),
+        source=tuple(s.source for s in seen for _ in s.which),
+        identity=tuple(s.logs.identity[i] for s in seen for i in s.which),
+        track=tuple(name for s in seen for name in s.tracks()),
+        east_north_m=np.concatenate([np.zeros((0, 2)), *(s.place_m for s in seen)]) - way_m,
+        covariance=np.concatenate([np.zeros((0, 2, 2)), *(s.covariance for s in seen)]),
+        altitude_m=np.concatenate([np.zeros(0), *(s.logs.altitude_m[s.which] for s in seen)]),
+    )
+
+
+class _Seen(NamedTuple):
+    """The targets of one source at an instant."""
+
+    carrier: str
+    boot: int
+    source: str
+    logs: SourceLogs
+    which: NDArray[np.intp]
+    place_m: Array
+    covariance: Array
+
+    def log_ids(self) -> Iterator[str]:
+        """Ids of their newest logs, as they are published."""
+        stream = f"{self.carrier}/{self.boot}/{self.source}"
+        seq, index = self.logs.seq[self.which], self.logs.index[self.which]
+        return (f"{stream}/{s}/{i}" for s, i in zip(seq.tolist(), index.tolist(), strict=True))
+
+    def tracks(self) -> Iterator[str]:
+        """Their names as an operator's order has them; may be empty."""
+        source = f"{self.carrier}/{self.source}/"
+        names = (self.logs.track[i] for i in self.which)
+        return (name and source + name for name in names)
+
+
+def _identities(report: SourceReport, n: int) -> list[str]:
+    names, kinds = _texts(report.identity, n), _texts(report.identity_kind, n)
+    return [f"{kind}/{name}" if name else "" for name, kind in zip(names, kinds, strict=True)]
+
+
+def _texts(values: Sequence[str | None] | None, n: int) -> list[str]:
+    return [""] * n if values is None else [value or "" for value in values]
+
+
+def _joined(
+    fresh: Sequence[str], used: NDArray[np.intp], old: Sequence[str], kept: NDArray[np.int64]
+) -> tuple[str, ...]:
+    return (*(fresh[i] for i in used), *(old[i] for i in kept))
+
+
+def _round(variance: Array) -> Array:
+    """Covariances (n, 2, 2) of equal variance (n,) [m^2] in every direction."""
+    return variance[:, None, None] * np.eye(2)

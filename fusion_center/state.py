@@ -1,0 +1,216 @@
+"""Everything the fusion remembers from one Closed to the next: explicit, bounded, serialisable.
+
+Nothing here is ever changed in place; a step makes a new `State` that shares what stayed.
+`pack` and `unpack` lose no bit, so a run may be cut anywhere and taken up elsewhere.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from schemas.messages import (
+    DeclaredCarrier,
+    DeclaredScenario,
+    Direction,
+    FixedAxes,
+    Navigation,
+    OwnAxes,
+    Pose,
+    SourceProperties,
+    StreamSpan,
+)
+from schemas.messages.outputs import CorrectionState
+
+from .settings import Settings
+
+
+class Boots(Struct, frozen=True):
+    """Lives of one carrier as the Closed messages named them.
+
+    Attributes:
+        count: how many there have been.
+        recent: the newest of them, oldest first; the last one has ordinal `count`.
+    """
+
+    count: int = 0
+    recent: tuple[str, ...] = ()
+
+
+class Timeline(Struct, frozen=True, kw_only=True):
+    """How far time is closed.
+
+    Attributes:
+        t_ns: of the last Closed; -1 before the first.
+        boots: by carrier.
+        seen: last seq that a Closed named, by carrier/boot/stream.
+        gave_up: spans given up that no manifest has reached yet.
+    """
+
+    t_ns: int = -1
+    boots: dict[str, Boots] = {}
+    seen: dict[str, int] = {}
+    gave_up: tuple[StreamSpan, ...] = ()
+
+
+class SourceLogs(Struct, frozen=True, kw_only=True, eq=False):
+    """The last two logs of every target of one source, as columns; n targets.
+
+    A place is the target's position relative to the carrier plus the carrier's dead-reckoned way,
+    all in the carrier's believed axes: in it a target moves as over ground, but for the carrier's
+    unknown drift, which the way takes out again.
+
+    Attributes:
+        key: names the target within the source; empty for a plot without any name.
+        identity, track: kind/name that others see too; the source's own name; either may be empty.
+        seq, index: of the newest log.
+        t_ns: (2, n) instants of the newest and of the one before, -1 where there is none.
+        place_m: (2, n, 2) east and north.
+        covariance: (2, n, 2, 2) of it [m^2].
+        altitude_m: (n,) above the ellipsoid.
+    """
+
+    key: tuple[str, ...]
+    identity: tuple[str, ...]
+    track: tuple[str, ...]
+    seq: NDArray[np.int64]
+    index: NDArray[np.int64]
+    t_ns: NDArray[np.int64]
+    place_m: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    altitude_m: NDArray[np.float64]
+
+
+class CarrierState(Struct, frozen=True, kw_only=True):
+    """What is known of one carrier.
+
+    Attributes:
+        boot: ordinal of the life it is in; 0 = not heard of yet.
+        lost: out until it joins or boots again.
+        navigation: the last two messages, oldest first.
+        sources: what its SourceInfo messages declare.
+        logs: by source.
+        report_t_ns: newest instant at which a source able to place targets reported; -1 = none.
+    """
+
+    boot: int = 0
+    lost: bool = False
+    navigation: tuple[Navigation, ...] = ()
+    sources: dict[str, SourceProperties] = {}
+    logs: dict[str, SourceLogs] = {}
+    report_t_ns: int = -1
+
+
+class Estimate(Struct, frozen=True, kw_only=True):
+    """One registration of a carrier's frame against the own one; the fields of a Correction."""
+
+    valid_t_ns: int
+    own_pose: Pose
+    other_pose: Pose
+    own_axes: OwnAxes
+    fixed_axes: FixedAxes
+    directions: tuple[Direction, ...]
+    pairs: int
+    chi2: float
+    dof: int
+
+
+class Monitor(Struct, frozen=True, kw_only=True):
+    """How far a correction has come.
+
+    Attributes:
+        good, undetermined, excessive: report events in a row that were so.
+    """
+
+    state: CorrectionState = "observing"
+    reason: str = "nothing to compare yet"
+    good: int = 0
+    undetermined: int = 0
+    excessive: int = 0
+
+
+class Link(Struct, frozen=True, kw_only=True):
+    """An other carrier as seen from the own one.
+
+    Attributes:
+        own_news, other_news: who has reported since the last registration.
+        estimate: what is published: the newest, or while applied the last good one.
+    """
+
+    own_news: bool = False
+    other_news: bool = False
+    monitor: Monitor = Monitor()
+    estimate: Estimate | None = None
+
+
+class Orders(Struct, frozen=True, kw_only=True):
+    """What operators have decided so far.
+
+    Attributes:
+        seq: of the last event that was taken.
+        suspended: carriers whose correction is not to be applied.
+        bound, forbidden: pairs of tracks, each carrier/source/track_id.
+    """
+
+    seq: int = 0
+    suspended: tuple[str, ...] = ()
+    bound: tuple[tuple[str, str], ...] = ()
+    forbidden: tuple[tuple[str, str], ...] = ()
+
+
+class State(Struct, frozen=True, kw_only=True):
+    """The whole memory of the fusion.
+
+    Attributes:
+        own: the carrier whose frame is the gauge.
+        published: messages so far, by key.
+    """
+
+    centre: str
+    own: str
+    scenario: DeclaredScenario
+    settings: Settings
+    timeline: Timeline = Timeline()
+    orders: Orders = Orders()
+    carriers: dict[str, CarrierState] = {}
+    links: dict[str, Link] = {}
+    published: dict[str, int] = {}
+
+    def declared(self, carrier: str) -> DeclaredCarrier | None:
+        """What the scenario says of a carrier beforehand."""
+        return next((c for c in self.scenario.carriers if c.name == carrier), None)
+
+    def sources(self, carrier: str) -> dict[str, SourceProperties]:
+        """What is known of a carrier's sources; its own SourceInfo overrides the scenario."""
+        declared = self.declared(carrier)
+        known = self.carriers.get(carrier, CarrierState())
+        return {**(declared.sources if declared else {}), **known.sources}
+
+
+def pack(state: State) -> bytes:
+    """The state as bytes."""
+    return _ENCODER.encode(state)
+
+
+def unpack(data: bytes) -> State:
+    """The state that `pack` made into these bytes."""
+    return _DECODER.decode(data)
+
+
+def _from_array(value: Any) -> tuple[str, tuple[int, ...], bytes]:
+    if not isinstance(value, np.ndarray):
+        raise NotImplementedError(f"no {type(value).__name__} in a state")
+    return value.dtype.str, value.shape, np.ascontiguousarray(value).tobytes()
+
+
+def _to_array(kind: Any, value: Any) -> Any:
+    dtype, shape, data = value
+    return np.frombuffer(data, dtype).reshape(shape).copy()  # aligned, as it was
+
+
+_ENCODER = msgspec.msgpack.Encoder(enc_hook=_from_array)
+_DECODER = msgspec.msgpack.Decoder(State, dec_hook=_to_array)
