@@ -6,7 +6,9 @@ import logging
 import random
 import time
 from collections import deque
-from collections.abc import Callable
+from typing import Any
+
+from msgspec.structs import replace
 
 from schemas import codec, keys
 from schemas.bus.interface import Inbox, Liveness, Sample
@@ -15,9 +17,9 @@ from schemas.bus.member import Member
 from schemas.bus.recovery import Gap, Recovery
 from schemas.bus.roster import Roster
 from schemas.errors import WireError
-from schemas.messages import Step, StreamEnd, TruthCarriers, TruthTargets
+from schemas.messages import Step, TruthCarriers, TruthTargets
 
-from .carrier import Carrier
+from .carrier import Carrier, Stamp
 
 log = logging.getLogger("carrier")
 
@@ -29,16 +31,13 @@ class CarrierNode:
     """Observes every step it is granted, until the world leaves.
 
     Args:
-        new_carrier: makes the carrier of a new boot.
         delay_s: waits a random time up to this long in every step (to test that it changes
             nothing).
     """
 
-    def __init__(
-        self, member: Member, new_carrier: Callable[[str], Carrier], *, delay_s: float = 0.0
-    ) -> None:
-        self._member, self._new_carrier, self._delay_s = member, new_carrier, delay_s
-        self._carrier = new_carrier(member.boot)
+    def __init__(self, member: Member, carrier: Carrier, *, delay_s: float = 0.0) -> None:
+        self._member, self._carrier, self._delay_s = member, carrier, delay_s
+        self._stamp = Stamp(member.boot)
         self._samples: Inbox[Sample] = Inbox()
         self._tokens: Inbox[Liveness] = Inbox()
         self._roster = Roster()
@@ -85,17 +84,14 @@ class CarrierNode:
         if self._delay_s:
             time.sleep(random.uniform(0, self._delay_s))  # noqa: S311 (no secret: a test's delay)
         targets, carriers = self._targets.pop(step.step), self._carriers.pop(step.step)
-        for topic, ids, message in self._carrier.step(targets, carriers, step.mode):
-            self._member.outbox.send(topic, ids, message)
+        for topic, ids, message in self._carrier.step(targets, carriers, self._stamp):
+            stepped = message if step.mode == "lockstep" else replace(message, step=0)
+            self._member.outbox.send(topic, ids, stepped)
         self._done = step.step
         self._answer()
 
     def _answer(self) -> None:
-        name, boot = self._member.process, self._member.boot
-        manifest = [
-            StreamEnd(carrier=name, boot=boot, stream=stream, last_seq=last)
-            for stream, last in sorted(self._member.outbox.streams().items())
-        ]
+        manifest = self._stamp.manifest(self._member.process)
         self._member.ack(self._done or 0, manifest)
 
     def _be_ready(self, now_s: float) -> None:
@@ -133,7 +129,7 @@ class CarrierNode:
         """Begin a new boot: the run has given this one up while it hung."""
         log.warning("taken for dead; starting a new boot")
         self._member.reboot()
-        self._carrier = self._new_carrier(self._member.boot)
+        self._stamp = Stamp(self._member.boot)
         self._granted.clear()
         self._targets.clear()
         self._carriers.clear()
@@ -148,7 +144,10 @@ class CarrierNode:
         if not self._granted:
             return []
         step = self._granted[0]
-        held = {keys.TRUTH_TARGETS: self._targets, keys.TRUTH_CARRIERS: self._carriers}
+        held: dict[keys.Topic, dict[int, Any]] = {
+            keys.TRUTH_TARGETS: self._targets,
+            keys.TRUTH_CARRIERS: self._carriers,
+        }
         gaps: list[Gap] = []
         for topic, truth in held.items():
             for old in [number for number in truth if number < step.step]:

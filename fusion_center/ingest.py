@@ -113,6 +113,10 @@ class Ingest:
                 messages += self._release(key, seq)
         return messages
 
+    def claimed(self) -> dict[StreamKey, int]:
+        """The last message that a Closed has named of every stream."""
+        return {key: last for key, last in self._claimed.items() if last}
+
     def abandon(self, carrier: str, boot: str) -> int:
         """Drop what a lost boot sent beyond its last answer; how many messages nobody claimed."""
         dropped = 0

@@ -13,7 +13,7 @@ from schemas.bus.member import Member
 from schemas.bus.recovery import Recovery
 from schemas.bus.roster import Life, Roster
 from schemas.errors import WireError
-from schemas.messages import Closed, DeclaredScenario, Health, Step
+from schemas.messages import Closed, DeclaredScenario, Event, Health, Input, Step
 
 from . import pipeline
 from .closing import LockstepClosing, PacedClosing
@@ -67,6 +67,7 @@ class FusionNode:
         self._known: set[str] = set()
         self._lost: set[str] = set()
         self._news: list[str] = []
+        self._acked = -1
         self._said_s = self._health_s = float("-inf")
         self._busy_s = 0.0
         self._stop = ""
@@ -135,7 +136,10 @@ class FusionNode:
         self._delay()
         started_s = time.perf_counter()
         self._member.outbox.send(keys.CLOSED_FUSION, (), closed)
-        messages = [*self._operator.events(closed), *self._ingest.claim(closed)]
+        messages: list[Input | Event] = [
+            *self._operator.events(closed),
+            *self._ingest.claim(closed),
+        ]
         self._state, outputs = pipeline.step(self._state, closed, messages)
         for topic, ids, message in outputs:
             self._member.outbox.send(topic, ids, message)
@@ -194,8 +198,6 @@ class FusionNode:
         self._health_s = now_s
         self._member.outbox.send(keys.HEALTH, (self._member.process,), health)
 
-    _acked = -1
-
     def _is_over(self) -> bool:
         done = self._ended is not None and self._step >= self._ended.step
         return done or bool(self._stop)
@@ -205,14 +207,18 @@ class FusionNode:
         reason = self._stop or (self._ended.ended if self._ended else "stopped")
         self._abandon_unclaimed()
         self._publish_health(time.monotonic())
-        expected = {
-            StreamKey(keys.FUSION, "", stream): last
-            for stream, last in self._member.outbox.streams().items()
-        }
-        self._recorder.finish(reason, expected)
+        self._recorder.finish(reason, self._expected())
         self._recovery.close()
         self._member.ack(self._step)
         return reason
+
+    def _expected(self) -> dict[StreamKey, int]:
+        """What a whole recording holds: all that was claimed, concluded and true so far."""
+        streams = self._member.outbox.streams()
+        of_fusion = {StreamKey(keys.FUSION, "", name): last for name, last in streams.items()}
+        truth = (keys.TRUTH_TARGETS, keys.TRUTH_CARRIERS)
+        of_world = {StreamKey(keys.WORLD, "", topic.template): self._step for topic in truth}
+        return {**self._ingest.claimed(), **of_fusion, **of_world}
 
     def _abandon_unclaimed(self) -> None:
         for carrier in sorted(self._known | self._lost):

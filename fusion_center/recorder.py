@@ -6,17 +6,21 @@ import logging
 import threading
 import time
 from collections.abc import Mapping
+from pathlib import Path
 
 import msgspec
 
-from schemas import keys
+from schemas import codec, keys
 from schemas.bus.interface import Inbox, Sample
+from schemas.bus.latched import fetch
 from schemas.bus.ledger import Ledger, Seen, StreamKey
 from schemas.bus.member import Member
 from schemas.bus.recovery import Recovery
 from schemas.errors import RecordingError, WireError
-from schemas.messages import Statistics
-from schemas.recording.writer import RecordingWriter, RunEnd
+from schemas.messages import DeclaredScenario, Statistics, TruthScenario
+from schemas.recording.contents import RunEnd, RunHeader, hash_of, run_attachments
+from schemas.recording.fingerprint import installed_versions, numeric_fingerprint
+from schemas.recording.writer import RecordingWriter
 
 log = logging.getLogger("recorder")
 
@@ -34,6 +38,38 @@ class _Head(msgspec.Struct):
     seq: int = 0
     step: int = 0
     t_ns: int = 0
+
+
+def record_run(
+    member: Member, path: Path, max_loss_s: float, timeout_s: float
+) -> tuple[Recorder, DeclaredScenario]:
+    """Begin the recording of a run, as soon as its world is there; the declared scenario with it.
+
+    The truth goes into the file and no further: the fusion centre is handed the declared part.
+
+    Raises:
+        BusError: no world came in time.
+        RecordingError: the file exists or cannot be written.
+    """
+    bus, run = member.buses.data, member.run
+    latched = fetch(bus, keys.SCENARIO, run, timeout_s=timeout_s)
+    hidden = fetch(bus, keys.TRUTH_SCENARIO, run, timeout_s=timeout_s)
+    scenario = codec.decode(DeclaredScenario, latched.payload, latched.encoding)
+    truth = codec.decode(TruthScenario, hidden.payload, hidden.encoding)
+    config = msgspec.json.encode(scenario.fusion)
+    header = RunHeader(
+        run=run,
+        scenario=scenario.name,
+        config_hash=hash_of(config),
+        created_ns=time.time_ns(),
+        versions=installed_versions(),
+        fingerprint=numeric_fingerprint(),
+    )
+    attachments = run_attachments(scenario, truth, config)
+    writer = RecordingWriter(path, header, attachments=attachments, max_loss_s=max_loss_s)
+    recorder = Recorder(member, writer)
+    recorder.start(latched, hidden)
+    return recorder, scenario
 
 
 class Recorder:

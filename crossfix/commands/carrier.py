@@ -1,0 +1,29 @@
+"""`crossfix carrier`: one simulated carrier of a run, started by hand."""
+
+from __future__ import annotations
+
+ENDPOINT = "tcp/127.0.0.1:7447"
+
+
+def carrier(
+    name: str, /, *, run: str, connect: str = ENDPOINT, start_timeout: float = 600.0
+) -> int:
+    """Simulate one carrier: its navigation and its sensors, as the scenario has them.
+
+    It fetches the scenario from the world. A carrier that joins late, or comes back after it was
+    lost, takes part from the next step on.
+
+    ```
+    crossfix carrier levante --run strait --connect tcp/192.0.2.7:7447
+    ```
+
+    Args:
+        name: of the carrier in the scenario.
+        run: name of the run.
+        connect: endpoint of the hub.
+        start_timeout: seconds to wait for the hub and the world.
+    """
+    from crossfix.launch import become
+
+    arguments = [name, "--run", run, "--connect", connect, "--start-timeout", str(start_timeout)]
+    return become("carriers", arguments)

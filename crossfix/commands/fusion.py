@@ -1,0 +1,40 @@
+"""`crossfix fusion`: the fusion centre of a run with its recorder, started by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+ENDPOINT = "tcp/127.0.0.1:7447"
+
+
+def fusion(
+    *,
+    run: str,
+    output: Annotated[Path, Parameter(alias="-o")],
+    connect: str = ENDPOINT,
+    max_loss: float = 0.25,
+    lateness: float = 0.2,
+    start_timeout: float = 600.0,
+) -> int:
+    """Fuse what the carriers of a run publish, and record all of it.
+
+    ```
+    crossfix fusion --run strait -o recordings/strait.mcap --connect tcp/192.0.2.7:7447
+    ```
+
+    Args:
+        run: name of the run.
+        output: recording to write; must not exist.
+        connect: endpoint of the hub.
+        max_loss: seconds of recording that a crash may cost.
+        lateness: seconds after which a step of a paced run is closed.
+        start_timeout: seconds to wait for the hub and the world.
+    """
+    from crossfix.launch import become
+
+    arguments = ["--run", run, "--output", str(output), "--connect", connect]
+    arguments += ["--max-loss", str(max_loss), "--lateness", str(lateness)]
+    return become("fusion_center", [*arguments, "--start-timeout", str(start_timeout)])

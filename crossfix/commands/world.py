@@ -1,0 +1,52 @@
+"""`crossfix world`: the world of a run, started by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+ENDPOINT = "tcp/127.0.0.1:7447"
+
+
+def world(
+    scenario: Path,
+    /,
+    *,
+    connect: str = ENDPOINT,
+    name: str | None = None,
+    rate: str = "max",
+    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative=())] = (),
+    data: Path | None = None,
+    start_timeout: float = 600.0,
+    step_timeout: float = 10.0,
+) -> int:
+    """Publish the truth of a scenario and grant its steps, once everybody is there.
+
+    `crossfix run` does this and everything else on one machine. To spread a run over several,
+    start a hub, then this, every carrier and the fusion centre with the same --connect.
+
+    ```
+    crossfix world scenarios/strait.toml --connect tcp/192.0.2.7:7447
+    ```
+
+    Args:
+        scenario: TOML file.
+        connect: endpoint of the hub.
+        name: of the run on the wire, by default the scenario's.
+        rate: `max` for lock-step, or a multiple of real time.
+        overrides: a scenario key and its value, such as `seed=7`.
+        data: folder of the recorded tracks that a scenario names (or set CROSSFIX_DATA).
+        start_timeout: seconds to wait for the hub and for all processes to be ready.
+        step_timeout: seconds after which a carrier that does not answer is given up.
+    """
+    from crossfix.launch import become
+
+    arguments = [str(scenario), "--connect", connect, "--rate", rate]
+    arguments += ["--start-timeout", str(start_timeout), "--step-timeout", str(step_timeout)]
+    arguments += ["--run", name] if name else []
+    arguments += ["--data", str(data)] if data else []
+    for override in overrides:
+        arguments += ["--set", override]
+    return become("sim_world", arguments)

@@ -1,0 +1,188 @@
+"""Corrections against the truth in the same recording: errors before and after, sigma, NEES."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.frames import (
+    Site,
+    rotation_clockwise,
+    site_at,
+    target_from_source,
+    wrap_pi,
+    yaw_rad,
+)
+from schemas.messages import (
+    Correction,
+    DeclaredScenario,
+    OwnAxes,
+    Pose,
+    TruthCarriers,
+)
+
+
+class FrameError(NamedTuple):
+    """One correction against the truth.
+
+    Attributes:
+        before_m, after_m: (east, north) error of the other carrier's place in own axes.
+        before_rad, after_rad: error of its orientation.
+        fixed_before_m, fixed_after_m: of its place in axes fixed to true north.
+        sigma_m: claimed for the place, root of the summed variances; sigma_rad: for orientation.
+        nees: of (east, north, orientation), three degrees of freedom.
+    """
+
+    step: int
+    t_ns: int
+    state: str
+    pairs: int
+    before_m: tuple[float, float]
+    after_m: tuple[float, float]
+    before_rad: float
+    after_rad: float
+    fixed_before_m: tuple[float, float]
+    fixed_after_m: tuple[float, float]
+    sigma_m: float
+    sigma_rad: float
+    nees: float
+
+
+class FrameSummary(NamedTuple):
+    """Root mean squares over the second half of a run, when it has converged."""
+
+    carrier: str
+    state: str
+    reason: str
+    corrections: int
+    before_m: float
+    after_m: float
+    before_rad: float
+    after_rad: float
+    fixed_before_m: float
+    fixed_after_m: float
+    sigma_m: float
+    sigma_rad: float
+    nees: float
+    pairs: float
+
+
+class TrueFrame(NamedTuple):
+    """Where another carrier is in own sensor axes, and how its bearings are turned, in truth."""
+
+    place_m: np.ndarray
+    fixed_place_m: np.ndarray
+    rotation_rad: float
+
+
+def frame_errors(
+    scenario: DeclaredScenario, own: str, messages: Iterable[TruthCarriers | Correction]
+) -> dict[str, list[FrameError]]:
+    """Error of every correction that says something, by carrier, in order."""
+    truths: dict[int, TruthCarriers] = {}
+    errors: dict[str, list[FrameError]] = defaultdict(list)
+    origin = Site(*(getattr(scenario.origin, name) for name in scenario.origin.__struct_fields__))
+    for message in messages:
+        if isinstance(message, TruthCarriers):
+            truths[message.t_ns] = message
+        elif (truth := truths.get(message.valid_t_ns)) and message.own_axes:
+            errors[message.carrier].append(_error(origin, own, truth, message, message.own_axes))
+    return dict(errors)
+
+
+def true_frame(
+    origin: Site, truth: TruthCarriers, own: str, other: str, reported: tuple[Pose, Pose]
+) -> TrueFrame:
+    """The truth that a correction with these reported poses estimates.
+
+    The rotation is what is left after the known difference of the norths at the two *reported*
+    places, as the correction has it.
+    """
+    own_index, other_index = truth.carrier.index(own), truth.carrier.index(other)
+    own_site, other_site = (
+        site_at(origin, np.array(truth.position_m[index])) for index in (own_index, other_index)
+    )
+    own_from_other = target_from_source(own_site, other_site)
+    fixed = own_from_other.translation_m[:2]
+    c1, c2 = truth.north_error_rad[own_index], truth.north_error_rad[other_index]
+    known = yaw_rad(target_from_source(_site(reported[0]), _site(reported[1])))
+    rotation = c2 - c1 + yaw_rad(own_from_other) - known
+    return TrueFrame(rotation_clockwise(-c1) @ fixed, fixed, float(wrap_pi(rotation)))
+
+
+def summarise(carrier: str, errors: Sequence[FrameError], last: Correction) -> FrameSummary:
+    """Root mean squares over the second half of the errors; nan where there are none."""
+    late = errors[len(errors) // 2 :]
+    return FrameSummary(
+        carrier=carrier,
+        state=last.state,
+        reason=last.reason,
+        corrections=len(late),
+        before_m=_rms([e.before_m for e in late]),
+        after_m=_rms([e.after_m for e in late]),
+        before_rad=_rms([(e.before_rad,) for e in late]),
+        after_rad=_rms([(e.after_rad,) for e in late]),
+        fixed_before_m=_rms([e.fixed_before_m for e in late]),
+        fixed_after_m=_rms([e.fixed_after_m for e in late]),
+        sigma_m=_rms([(e.sigma_m,) for e in late]),
+        sigma_rad=_rms([(e.sigma_rad,) for e in late]),
+        nees=float(np.mean([e.nees for e in late])) if late else float("nan"),
+        pairs=float(np.mean([e.pairs for e in late])) if late else float("nan"),
+    )
+
+
+def symmetric(triangle: Sequence[float]) -> np.ndarray:
+    """The symmetric matrix (n, n) of a row-major upper triangle."""
+    order = int(((8 * len(triangle) + 1) ** 0.5 - 1) / 2)
+    matrix = np.zeros((order, order))
+    matrix[np.triu_indices(order)] = triangle
+    return matrix + np.triu(matrix, 1).T
+
+
+def _error(
+    origin: Site, own: str, truth: TruthCarriers, correction: Correction, axes: OwnAxes
+) -> FrameError:
+    assert correction.own_pose is not None  # noqa: S101 (comes with own_axes)
+    assert correction.other_pose is not None  # noqa: S101
+    true = true_frame(
+        origin, truth, own, correction.carrier, (correction.own_pose, correction.other_pose)
+    )
+    reported = np.array([axes.reported_east_m, axes.reported_north_m])
+    after = np.array([axes.east_m, axes.north_m]) - true.place_m
+    after_rad = float(wrap_pi(axes.rotation_rad - true.rotation_rad))
+    covariance = symmetric(axes.covariance)
+    error = np.append(after, after_rad)
+    fixed = correction.fixed_axes
+    shift = np.array([fixed.offset_east_m, fixed.offset_north_m]) if fixed else np.zeros(2)
+    return FrameError(
+        step=correction.step,
+        t_ns=correction.valid_t_ns,
+        state=correction.state,
+        pairs=correction.pairs,
+        before_m=_pair(reported - true.place_m),
+        after_m=_pair(after),
+        before_rad=float(wrap_pi(-true.rotation_rad)),
+        after_rad=after_rad,
+        fixed_before_m=_pair(reported - true.fixed_place_m),
+        fixed_after_m=_pair(reported + shift - true.fixed_place_m),
+        sigma_m=float(np.sqrt(covariance[0, 0] + covariance[1, 1])),
+        sigma_rad=float(np.sqrt(covariance[2, 2])),
+        nees=float(error @ np.linalg.solve(covariance, error)),
+    )
+
+
+def _pair(vector: np.ndarray) -> tuple[float, float]:
+    return float(vector[0]), float(vector[1])
+
+
+def _rms(vectors: Sequence[Sequence[float]]) -> float:
+    if not vectors:
+        return float("nan")
+    return float(np.sqrt(np.mean(np.sum(np.square(vectors), axis=1))))
+
+
+def _site(pose: Pose) -> Site:
+    return Site(pose.latitude_rad, pose.longitude_rad, pose.altitude_m)

@@ -1,0 +1,214 @@
+"""Starts the processes of a run, watches over them, and ends them together."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import NoReturn
+
+from schemas.bus.entry import THREADS
+from schemas.errors import LaunchError
+
+DEFAULT_PORT = 7447
+LEAVE_S = 15.0
+"""How long processes may take to leave once the run has ended."""
+FAIL_S = 6.0
+"""The same after the world or the fusion centre has failed: the others notice by themselves."""
+KILL_S = 5.0
+"""Between the request to leave and the kill."""
+POLL_S = 0.02
+
+
+@dataclass
+class Child:
+    """One process of the run."""
+
+    name: str
+    arguments: Sequence[str]
+    vital: bool = False
+    """The run ends with it."""
+    process: subprocess.Popen[str] = field(init=False)
+    ended: bool = False
+
+    def start(self) -> None:
+        """Start it in a process group of its own: Ctrl-C reaches the launcher alone."""
+        environment = {**os.environ, "PYTHONUNBUFFERED": "1"} | dict.fromkeys(THREADS, "1")
+        self.process = subprocess.Popen(  # noqa: S603 (our own modules)
+            [sys.executable, "-m", *self.arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=environment,
+            start_new_session=True,
+        )
+
+    def send(self, number: signal.Signals) -> None:
+        """Signal it, if it still runs."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+
+
+class Launch:
+    """The processes of a run: hub, world, carriers, fusion centre.
+
+    Args:
+        endpoint: of the hub, which is started here unless `own_hub` is false.
+        say: takes a line for people, and the name of the process it comes from.
+    """
+
+    def __init__(
+        self, endpoint: str, say: Callable[[str, str], None], *, own_hub: bool = True
+    ) -> None:
+        self.endpoint, self._say, self._own_hub = endpoint, say, own_hub
+        self._hub = Child("hub", ["schemas.bus.hub", "--listen", endpoint])
+        self._children: list[Child] = []
+        self._readers: list[threading.Thread] = []
+        self._interrupts = 0
+        self._asked = False
+        self._leave_by_s = float("inf")
+        self.exit_code = 0
+        self.failed = ""
+
+    def __enter__(self) -> Launch:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.kill()
+
+    def start(self, children: Sequence[Child]) -> None:
+        """Start the hub and everything else at once; clients wait for the hub by themselves."""
+        self._children = list(children)
+        for child in ([self._hub] if self._own_hub else []) + self._children:
+            self._start(child)
+
+    def watch(self, turn: Callable[[], None]) -> int:
+        """Wait until the run is over, calling `turn` often; the first failed process's code."""
+        while any(not child.ended for child in self._children):
+            turn()
+            self._poll()
+            if time.monotonic() > self._leave_by_s:
+                self._end_stragglers()
+            time.sleep(POLL_S)
+        self._stop_hub()
+        for reader in self._readers:
+            reader.join(timeout=1)
+        return self.exit_code
+
+    def interrupt(self) -> None:
+        """First call: ask the world for a clean end; second: kill everything."""
+        self._interrupts += 1
+        if self._interrupts > 1:
+            self.exit_code = self.exit_code or 130
+            self.kill()
+            return
+        self._say("launch", "ending: the recording is finished first (Ctrl-C again kills)")
+        for child in self._children:
+            if child.vital:
+                child.send(signal.SIGTERM)
+                break
+        self._leave_by_s = min(self._leave_by_s, time.monotonic() + LEAVE_S)
+
+    def kill(self) -> None:
+        """End everything at once."""
+        for child in [*self._children, self._hub]:
+            if hasattr(child, "process"):
+                child.send(signal.SIGKILL)
+                child.process.wait()
+
+    def pid(self, name: str) -> int:
+        """Process id of a child."""
+        return next(c.process.pid for c in [*self._children, self._hub] if c.name == name)
+
+    def _start(self, child: Child) -> None:
+        child.start()
+        reader = threading.Thread(target=self._read, args=(child,), daemon=True)
+        reader.start()
+        self._readers.append(reader)
+
+    def _read(self, child: Child) -> None:
+        assert child.process.stdout is not None  # noqa: S101 (a pipe was asked for)
+        for line in child.process.stdout:
+            self._say(child.name, line.rstrip())
+
+    def _poll(self) -> None:
+        for child in self._children:
+            if not child.ended and (code := child.process.poll()) is not None:
+                child.ended = True
+                self._on_end(child, code)
+        if self._own_hub and self._hub.process.poll() is not None:
+            self._say("launch", "the hub has died; starting it again")
+            self._start(self._hub)
+
+    def _on_end(self, child: Child, code: int) -> None:
+        if code:
+            self._say("launch", f"{child.name} ended with {_meaning(code)}")
+            if not self.exit_code:
+                self.exit_code, self.failed = exit_code(code), child.name
+        if child.vital:
+            patience_s = FAIL_S if code else LEAVE_S
+            self._leave_by_s = min(self._leave_by_s, time.monotonic() + patience_s)
+
+    def _end_stragglers(self) -> None:
+        number = signal.SIGKILL if self._asked else signal.SIGTERM
+        self._asked = True
+        self._leave_by_s = time.monotonic() + KILL_S
+        for child in self._children:
+            if not child.ended:
+                word = "killed" if number is signal.SIGKILL else "asked to"
+                self._say("launch", f"{child.name} did not leave; {word}")
+                child.send(number)
+
+    def _stop_hub(self) -> None:
+        if not self._own_hub:
+            return
+        self._hub.send(signal.SIGTERM)
+        try:
+            self._hub.process.wait(timeout=2)
+        except subprocess.TimeoutExpired:
+            self._hub.send(signal.SIGKILL)
+            self._hub.process.wait()
+
+
+def become(module: str, arguments: Sequence[str]) -> NoReturn:
+    """Go on as `python -m module`: the same process, its output and signals untouched."""
+    environment = os.environ | dict.fromkeys(THREADS, "1")
+    sys.stdout.flush()
+    os.execve(  # noqa: S606 (our own modules)
+        sys.executable, [sys.executable, "-m", module, *arguments], environment
+    )
+
+
+def exit_code(code: int) -> int:
+    """The exit code a shell would show: 128 + signal for a killed process."""
+    return 128 - code if code < 0 else code
+
+
+def free_endpoint(port: int = DEFAULT_PORT) -> str:
+    """A local endpoint nobody listens on: the default port, or any where that is taken."""
+    for candidate in (port, 0):
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind(("127.0.0.1", candidate))
+            except OSError:
+                continue
+            return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    raise LaunchError("no free port on 127.0.0.1", expected="one to listen on")
+
+
+def _meaning(code: int) -> str:
+    return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"

@@ -1,0 +1,137 @@
+"""Carries out a run: launches its processes, watches them, and shows what the corrections did."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+
+from schemas import keys
+from schemas.bus.zenoh_bus import open_bus
+from schemas.errors import CrossfixError, LaunchError
+from schemas.messages import DeclaredScenario
+from sim_world.scenario import load_scenario, parse_override
+
+from .commands.run import RunOptions
+from .launch import Child, Launch, free_endpoint
+from .progress import Watcher, new_console
+from .table import show_frames
+
+HUB_S = 10.0
+
+
+def carry_out(path: Path, options: RunOptions) -> int:
+    """Run a scenario to its end; the exit code of the first process that failed.
+
+    Raises:
+        CrossfixError: the scenario, a setting or the hub is not what it should be; nothing has
+            been started then.
+    """
+    declared = _checked(path, options)
+    run = keys.require_id(options.name or declared.name)
+    recording = options.output or _new_recording(run)
+    console = new_console()
+    endpoint = options.connect or free_endpoint()
+    with (
+        Watcher(run, declared.steps, console) as watcher,
+        Launch(endpoint, watcher.say, own_hub=options.connect is None) as launch,
+    ):
+        if options.connect:
+            _refuse_if_alive(run, endpoint)
+        _on_interrupt(launch)
+        launch.start(_children(path, declared, run, recording, endpoint, options))
+        with open_bus(endpoint, HUB_S) as bus:
+            watcher.follow(bus)
+            code = launch.watch(watcher.turn)
+    if recording.exists():
+        console.print(f"recording: {recording}", highlight=False)
+        show_frames(recording, as_json=options.json)
+    return code
+
+
+def _checked(path: Path, options: RunOptions) -> DeclaredScenario:
+    """Everything a user can get wrong is found here, before a process is started."""
+    from fusion_center.settings import settings_from
+
+    overrides = dict(parse_override(text) for text in _overrides(options))
+    scenario = load_scenario(path, overrides, options.data)
+    settings_from(scenario.declared.fusion)
+    if options.rate != "max":
+        _positive(options.rate)
+    if options.output and options.output.exists():
+        raise LaunchError("exists already", where=str(options.output), expected="a new file")
+    return scenario.declared
+
+
+def _overrides(options: RunOptions) -> list[str]:
+    seed = [] if options.seed is None else [f"seed={options.seed}"]
+    return [*options.overrides, *seed]
+
+
+def _positive(rate: str) -> None:
+    try:
+        good = float(rate) > 0
+    except ValueError:
+        good = False
+    if not good:
+        raise CrossfixError("--rate", got=rate, expected="max or a number above 0")
+
+
+def _new_recording(run: str) -> Path:
+    """A file that does not exist: nothing is ever overwritten."""
+    folder = Path("recordings")
+    folder.mkdir(exist_ok=True)
+    path, number = folder / f"{run}.mcap", 1
+    while path.exists():
+        number += 1
+        path = folder / f"{run}-{number}.mcap"
+    return path
+
+
+def _children(
+    path: Path,
+    declared: DeclaredScenario,
+    run: str,
+    recording: Path,
+    endpoint: str,
+    options: RunOptions,
+) -> Sequence[Child]:
+    wire = ["--connect", endpoint, "--run", run]
+    timeout = ["--start-timeout", str(options.start_timeout)]
+    world = ["sim_world", str(path), *wire, *timeout, "--rate", options.rate]
+    world += ["--step-timeout", str(options.step_timeout)]
+    for override in _overrides(options):
+        world += ["--set", override]
+    if options.data:
+        world += ["--data", str(options.data)]
+    fusion = ["fusion_center", *wire, *timeout, "--output", str(recording)]
+    fusion += ["--max-loss", str(options.max_loss)]
+    delay = ["--delay", str(options.delay)] if options.delay else []
+    carriers = [
+        Child(carrier.name, ["carriers", carrier.name, *wire, *timeout, *delay])
+        for carrier in declared.carriers
+    ]
+    return [Child("world", world, vital=True), Child("fusion", fusion, vital=True), *carriers]
+
+
+def _refuse_if_alive(run: str, endpoint: str) -> None:
+    with open_bus(endpoint, HUB_S) as bus:
+        tokens = bus.tokens(keys.every_alive(run))
+    if tokens:
+        names = sorted({keys.parse_alive(token)[1] for token in tokens})
+        raise LaunchError(
+            f"run `{run}` is alive on {endpoint}: {', '.join(names)}",
+            expected="another --name, or the end of that run",
+        )
+
+
+def _on_interrupt(launch: Launch) -> None:
+    def handle(number: int, frame: FrameType | None) -> None:
+        del number, frame
+        launch.interrupt()
+
+    signal.signal(signal.SIGINT, handle)
+    signal.signal(signal.SIGTERM, handle)
+    sys.stdout.flush()

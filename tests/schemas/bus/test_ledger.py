@@ -1,0 +1,53 @@
+"""Laws of the ledger: every number is accounted for once, in any order."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from schemas.bus.ledger import Ledger, Seen, StreamKey
+
+KEY = StreamKey("alpha", "boot", "radar")
+ARRIVALS = st.lists(st.integers(min_value=1, max_value=40), max_size=120)
+
+
+@given(ARRIVALS)
+def test_each_number_is_new_exactly_once_and_gaps_are_what_never_came(arrivals: list[int]) -> None:
+    ledger = Ledger()
+    new = [seq for seq in arrivals if ledger.note(KEY, seq) is Seen.NEW]
+    assert sorted(new) == sorted(set(arrivals))
+    last = max(arrivals, default=0)
+    missing = [s for first, end in ledger.missing(KEY, last) for s in range(first, end + 1)]
+    assert missing == sorted(set(range(1, last + 1)) - set(arrivals))
+    assert ledger.highest(KEY) == last
+    assert ledger.through(KEY) == (missing[0] - 1 if missing else last)
+
+
+@given(ARRIVALS, st.integers(1, 40), st.integers(0, 10))
+def test_what_is_given_up_leaves_no_gap_and_is_late_when_it_comes(
+    arrivals: list[int], first: int, length: int
+) -> None:
+    ledger = Ledger()
+    for seq in arrivals:
+        ledger.note(KEY, seq)
+    ledger.give_up(KEY, first, first + length)
+    for seq in range(first, first + length + 1):
+        assert ledger.note(KEY, seq) is (Seen.DUPLICATE if seq in arrivals else Seen.LATE)
+        assert ledger.note(KEY, seq) is Seen.DUPLICATE
+
+
+def test_gaps_are_listed_for_every_stream_below_what_has_come() -> None:
+    ledger = Ledger()
+    other = KEY._replace(stream="ais")
+    for key, seq in ((KEY, 1), (KEY, 4), (KEY, 6), (other, 2)):
+        ledger.note(key, seq)
+    assert list(ledger.gaps()) == [(KEY, 2, 3), (KEY, 5, 5), (other, 1, 1)]
+    assert ledger.streams() == [KEY, other]
+
+
+def test_a_long_stream_in_order_keeps_nothing() -> None:
+    ledger = Ledger()
+    for seq in range(1, 10_001):
+        ledger.note(KEY, seq)
+    assert ledger.through(KEY) == 10_000
+    assert not list(ledger.gaps())

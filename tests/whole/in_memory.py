@@ -1,0 +1,99 @@
+"""A whole run in one process: the real nodes in threads, on a bus that loses and scrambles."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from carriers.carrier import Carrier
+from carriers.node import CarrierNode
+from fusion_center.node import FusionNode
+from fusion_center.recorder import record_run
+from fusion_center.settings import settings_from
+from schemas import keys
+from schemas.bus.member import Buses, Member
+from schemas.bus.memory_bus import MemoryNetwork
+from sim_world.node import Pace, WorldNode
+from sim_world.scenario import Scenario
+from sim_world.world import World
+
+DEADLINE_S = 60.0
+
+
+class MemoryRun:
+    """World, carriers and fusion centre of a scenario on one `MemoryNetwork`."""
+
+    def __init__(
+        self, scenario: Scenario, network: MemoryNetwork, output: Path, **pace: Any
+    ) -> None:
+        self.scenario, self.network, self.output = scenario, network, output
+        self.run = scenario.declared.name
+        self.pace = Pace(**pace)
+        self.carriers: dict[str, CarrierNode] = {}
+        self.errors: list[BaseException] = []
+        self._threads: list[threading.Thread] = []
+
+    def carry_out(self, meanwhile: Callable[[MemoryRun], None] = lambda run: None) -> None:
+        """Run to the end; `meanwhile` may make trouble."""
+        self._start(self._fusion)
+        for carrier in self.scenario.declared.carriers:
+            self.start_carrier(carrier.name)
+        world = self._start(self._world)
+        meanwhile(self)
+        world.join(DEADLINE_S)
+        assert not world.is_alive(), "the run did not end"
+        for thread in self._threads:
+            thread.join(10)
+        if self.errors:
+            raise self.errors[0]
+
+    def start_carrier(self, name: str) -> None:
+        """Start one carrier: for the first time, or as the next life of one that was killed."""
+        member = Member(self.run, name, self._buses(name))
+        node = CarrierNode(member, Carrier(self.scenario, name))
+        self.carriers[name] = node
+        self._start(lambda: self._leave_after(member, node.run))
+
+    def kill_carrier(self, name: str) -> None:
+        """As kill -9."""
+        self.network.kill(name)
+        self.carriers[name].stop()
+
+    def _world(self) -> None:
+        member = Member(self.run, keys.WORLD, self._buses(keys.WORLD))
+        declared, truth = self.scenario.declared, self.scenario.truth
+        node = WorldNode(World(self.scenario), declared, truth, member, self.pace)
+        self._leave_after(member, node.run)
+
+    def _fusion(self) -> None:
+        member = Member(self.run, keys.FUSION, self._buses(keys.FUSION))
+        recorder_member = Member(self.run, keys.RECORDER, self._buses(keys.RECORDER))
+        recorder, declared = record_run(recorder_member, self.output, 0.25, 10.0)
+        settings = settings_from(declared.fusion)
+        node = FusionNode(member, declared, settings, recorder)
+        self._leave_after(member, node.run)
+        recorder_member.buses.close()
+
+    def _leave_after(self, member: Member, body: Callable[[], object]) -> None:
+        try:
+            with member:
+                body()
+        finally:
+            member.buses.close()
+
+    def _buses(self, name: str) -> Buses:
+        return Buses(self.network.bus(name), self.network.bus(name))
+
+    def _start(self, body: Callable[[], object]) -> threading.Thread:
+        def guarded() -> None:
+            try:
+                body()
+            except BaseException as error:
+                self.errors.append(error)
+
+        thread = threading.Thread(target=guarded, daemon=True)
+        thread.start()
+        self._threads.append(thread)
+        return thread
