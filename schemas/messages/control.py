@@ -156,9 +156,14 @@ class Answer(Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class BackfillRequest(Struct, frozen=True, kw_only=True):
-    """Asks a process for messages first .. last of (boot, stream) once more; 500 at most."""
+    """Asks a process for messages first .. last of (boot, stream) once more; 500 at most.
 
-    boot: Id
+    Attributes:
+        boot: which life of the process; empty = the one it is in.
+        stream: as in the envelope; for what has none, the key after the run.
+    """
+
+    boot: Text = ""
     stream: Text
     first: Count
     last: Count
