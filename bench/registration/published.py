@@ -1,46 +1,36 @@
-"""Registration of two carriers (paper 000): its table, the bound, honesty, speed.
-
-Run `python -m bench.registration [--seed N] [--runs N] [--json]`. docs/papers/000.md quotes it.
-"""
+"""The table of the paper, the bound, what the paper says in words, what its errata cost."""
 
 from __future__ import annotations
 
-import tracemalloc
 from collections.abc import Iterator
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from bench import figures
-from bench.figures import (
-    Figure,
-    at_least,
-    at_most,
-    between,
-    near,
-    scaled_seconds,
-    time_ratio,
-    told,
+from bench.figures import Figure, at_least, between, near, table, told
+from bench.registration.scenes import (
+    DEG,
+    SIGMA_BEARING_RAD,
+    SIGMA_C_RAD,
+    SIGMA_RANGE_M,
+    Experiment,
+    errors_fixed,
+    errors_own,
+    experiment,
+    logs_of,
 )
 from estimation.arrays import Array
 from estimation.consistency import nees, rms
-from estimation.frames import polar_from_east_north, rotation_clockwise
 from estimation.relative_frame import (
-    OwnAxesFrame,
     PolarLogs,
-    RelativeFrame,
     RelativeFramePrior,
     closed_form,
-    closed_form_dense,
     cramer_rao,
     in_own_axes,
     prior_in_own_axes,
 )
 from estimation.relative_frame.closed_form import conditions, correlate_matrix, theta_columns
-
-DEG = np.pi / 180
-SIGMA_RANGE_M, SIGMA_BEARING_RAD, SIGMA_OFFSET_M, SIGMA_C_RAD = 100.0, 0.5 * DEG, 1500.0, 1 * DEG
-SIDE_M = 30e3
 
 # RMS after / before, (estimate, bound), by L, of an independent run of the same experiment: the
 # paper itself prints one sentence, see docs/papers/000.md.
@@ -55,18 +45,6 @@ REFERENCE = {
 }
 
 
-class Experiment(NamedTuple):
-    """Runs of the paper's experiment as one batch: what the carriers report, and the truth."""
-
-    own: PolarLogs
-    other: PolarLogs
-    prior: RelativeFramePrior
-    theta: Array  # (runs, 4) the corrections to be found: x, y, c1, c2
-    true_own: PolarLogs
-    true_other: PolarLogs
-    truth: RelativeFramePrior  # the true offset, with the prior's sigmas
-
-
 class Means(NamedTuple):
     """Means over runs; the first four are mean squares, (3,), one for each of `QUANTITIES`."""
 
@@ -79,62 +57,13 @@ class Means(NamedTuple):
     chi2: float  # by degree of freedom
 
 
-def experiment(
-    rng: np.random.Generator, shape: tuple[int, ...], pairs: int, sigma_c_rad: float = SIGMA_C_RAD
-) -> Experiment:
-    """Targets uniform in a square centred on the own carrier, the other uniform in it.
-
-    `shape` is that of the batch: (runs,), or () for one experiment.
-    """
-    targets = rng.uniform(-SIDE_M / 2, SIDE_M / 2, (*shape, pairs, 2))
-    offset = rng.uniform(-SIDE_M / 2, SIDE_M / 2, (*shape, 2))
-    sigmas = np.array([SIGMA_OFFSET_M, SIGMA_OFFSET_M, sigma_c_rad, sigma_c_rad])
-    theta = sigmas * rng.standard_normal((*shape, 4))
-    true_own, true_other = _exact(targets), _exact(targets - offset[..., None, :])
-    return Experiment(
-        own=_measured(rng, true_own, theta[..., 2]),
-        other=_measured(rng, true_other, theta[..., 3]),
-        prior=RelativeFramePrior.from_sigmas(offset - theta[..., :2], *sigmas),
-        theta=theta,
-        true_own=true_own,
-        true_other=true_other,
-        truth=RelativeFramePrior.from_sigmas(offset, *sigmas),
-    )
+def figures(seed: int, runs: int) -> Iterator[Figure]:
+    """The table, then the page's sentences."""
+    yield from table_figures({pairs: measure(seed, runs, pairs) for pairs in REFERENCE})
+    yield from page_figures(seed, runs)
 
 
-def _exact(east_north_m: Array) -> PolarLogs:
-    bearing, ranges = polar_from_east_north(east_north_m)
-    return PolarLogs.from_sigmas(bearing, ranges, SIGMA_BEARING_RAD, SIGMA_RANGE_M)
-
-
-def _measured(rng: np.random.Generator, true: PolarLogs, c_rad: Array) -> PolarLogs:
-    bearing = true.bearing_rad - c_rad[..., None]
-    return PolarLogs.from_sigmas(
-        bearing + SIGMA_BEARING_RAD * rng.standard_normal(bearing.shape),
-        true.range_m + SIGMA_RANGE_M * rng.standard_normal(bearing.shape),
-        SIGMA_BEARING_RAD,
-        SIGMA_RANGE_M,
-    )
-
-
-def errors_fixed(frame: RelativeFrame, scene: Experiment) -> Array:
-    """Errors (runs, 4) of (x, y, c1, c2)."""
-    norths = np.stack([frame.c1_rad, frame.c2_rad], axis=-1)
-    return np.concatenate([frame.offset_correction_m, norths], axis=-1) - scene.theta
-
-
-def errors_own(frame: OwnAxesFrame, scene: Experiment) -> Array:
-    """Errors (runs, 3) of (q, D): q is where the other carrier really stands in own axes."""
-    own_from_fixed = rotation_clockwise(-scene.theta[:, 2])
-    q = (own_from_fixed @ scene.truth.offset_m[..., None])[..., 0]
-    turn = frame.D_rad - (scene.theta[:, 3] - scene.theta[:, 2])
-    return np.concatenate([frame.q_m - q, turn[:, None]], axis=-1)
-
-
-def _logs(scene: Experiment) -> tuple[PolarLogs, PolarLogs, RelativeFramePrior]:
-    return scene.own, scene.other, scene.prior
-
-
+@cache
 def measure(
     seed: int, runs: int, pairs: int, sigma_c_rad: float = SIGMA_C_RAD, block: int = 2000
 ) -> Means:
@@ -148,7 +77,7 @@ def measure(
 
 
 def _means(scene: Experiment) -> Means:
-    frame = closed_form(*_logs(scene))
+    frame = closed_form(*logs_of(scene))
     own_axes = in_own_axes(frame, scene.prior)
     fixed, own = errors_fixed(frame, scene), errors_own(own_axes, scene)
     bound = cramer_rao(scene.true_own, scene.true_other, scene.truth)
@@ -206,7 +135,7 @@ def paper_table(measured: dict[int, Means]) -> str:
         ours = zip(np.sqrt(m.after / m.before), np.sqrt(m.bound / m.prior), strict=True)
         both = (cell for each in zip(ours, REFERENCE[pairs], strict=True) for cell in each)
         rows.append([str(pairs), *(f"{estimate:.3f} ({bound:.3f})" for estimate, bound in both)])
-    return figures.table(headings, rows)
+    return table(headings, rows)
 
 
 def table_figures(measured: dict[int, Means]) -> Iterator[Figure]:
@@ -260,7 +189,7 @@ def errata_figures(seed: int, runs: int) -> Iterator[Figure]:
     As printed, M is now and then nearly singular and the RMS has no limit: hence ten sets.
     """
     scene = experiment(np.random.default_rng([seed, 4]), (10, -(-runs // 10)), 4)
-    logs = _logs(scene)
+    logs = logs_of(scene)
     turn = scene.theta[..., 3] - scene.theta[..., 2]
     right = closed_form(*logs)
     corrected = right.c2_rad - right.c1_rad - turn
@@ -277,58 +206,3 @@ def errata_figures(seed: int, runs: int) -> Iterator[Figure]:
     yield told(
         f"{name}, only M^xy as printed, RMS / corrected", float(rms(only_xy) / rms(corrected))
     )
-
-
-def dense_difference(seed: int) -> float:
-    """Largest difference of the two solutions, in prior sigmas, L = 1 to 1000."""
-    worst = 0.0
-    for pairs, runs in ((1, 100), (2, 100), (10, 100), (100, 10), (1000, 1)):
-        scene = experiment(np.random.default_rng([seed, pairs]), (runs,), pairs)
-        one = closed_form(*_logs(scene))
-        same = closed_form_dense(*_logs(scene))
-        sigmas = np.sqrt(np.diag(scene.prior.covariance))
-        apart = (errors_fixed(one, scene) - errors_fixed(same, scene)) / sigmas
-        shared = (one.covariance - same.covariance) / np.outer(sigmas, sigmas)
-        worst = max(worst, np.abs(apart).max(), np.abs(shared).max())
-    return float(worst)
-
-
-def speed_figures(seed: int) -> Iterator[Figure]:
-    """Dense against O(L), and a million pairs against the sines and cosines they need."""
-    yield at_most("dense = O(L), L <= 1000", dense_difference(seed), 1e-10, "prior sigma")
-    rng = np.random.default_rng([seed, 0])
-    thousand = _logs(experiment(rng, (), 1000))
-    many = 50  # calls after the dense one: it leaves the cache cold, streams find it warm
-    dense = many * time_ratio(
-        lambda: closed_form_dense(*thousand), lambda: [closed_form(*thousand) for _ in range(many)]
-    )
-    yield at_least("L = 1000: dense / O(L) time", dense, 500)
-    yield told("L = 1000: time, scaled", scaled_seconds(lambda: closed_form(*thousand)) * 1e3, "ms")
-    million = _logs(experiment(rng, (), 1_000_000))
-    bearings = np.concatenate([million[0].bearing_rad, million[1].bearing_rad])
-    additive = time_ratio(
-        lambda: closed_form(*million), lambda: (np.sin(bearings), np.cos(bearings))
-    )
-    yield at_most("L = 1e6: time / sin + cos of the bearings", additive, 3)
-    tracemalloc.start()
-    closed_form(*million)
-    yield at_most("L = 1e6: extra memory", tracemalloc.get_traced_memory()[1] / 1e6, 10, "MB")
-    tracemalloc.stop()
-
-
-def main() -> None:
-    """Measure, print."""
-    given = figures.options("Registration of two carriers (paper 000).", runs=40_000)
-    measured = {pairs: measure(given.seed, given.runs, pairs) for pairs in REFERENCE}
-    if not given.json:
-        print("RMS after / before, estimate (bound)\n\n" + paper_table(measured) + "\n")
-    found = [
-        *table_figures(measured),
-        *page_figures(given.seed, given.runs),
-        *speed_figures(given.seed),
-    ]
-    figures.report(found, given)
-
-
-if __name__ == "__main__":
-    main()
