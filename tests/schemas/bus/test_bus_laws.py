@@ -313,6 +313,15 @@ def test_closing_is_final_and_never_raises(network) -> None:
         bus.subscribe("law/closed", Inbox())
 
 
+def test_what_was_published_before_the_close_arrives(network) -> None:
+    receiver = network.bus("b")
+    inbox = subscribed(receiver, "law/last")
+    with network.bus("a") as sender:
+        for _ in range(20):
+            sender.publish("law/last", bytes(5000), "", DATA)
+    assert len(take(inbox, 20)) == 20
+
+
 def test_a_bus_is_a_context(network) -> None:
     with network.bus("a") as bus:
         assert bus.link_up()

@@ -83,6 +83,20 @@ def test_all_is_back_within_a_second_of_the_hub(own_hub: HubProcess, death) -> N
             assert time.monotonic() - back_s < 1.0
 
 
+def test_the_hub_knows_what_is_declared_when_declaring_returns(hub: str) -> None:
+    """Even when the declaration queues behind megabytes on its way to the hub."""
+    with open_bus(hub) as near, open_bus(hub) as far:
+        for n in range(10):
+            inbox: Inbox[Sample] = Inbox()
+            near.publish("ballast", bytes(MAX_PAYLOAD_BYTES), "", DATA)
+            near.subscribe(f"declared/{n}", inbox)
+            far.publish(f"declared/{n}", b"", "", DATA)
+            near.publish("ballast", bytes(MAX_PAYLOAD_BYTES), "", DATA)
+            near.serve(f"asked/{n}", lambda key, _: [Sample(key, b"", "")])
+            assert len(far.query(f"asked/{n}", b"", "", 1.0)) == 1
+            assert len(take(inbox, 1, deadline_s=1.0)) == 1
+
+
 def test_kill_9_of_a_token_holder_is_seen_at_once(hub: str) -> None:
     tokens: Inbox[Liveness] = Inbox()
     with open_bus(hub) as viewer, program(HOLDER, hub) as holder:
