@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right, insort
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -82,29 +83,37 @@ def frame_errors(
     scenario: DeclaredScenario, own: str, messages: Iterable[TruthCarriers | Correction]
 ) -> dict[str, list[FrameError]]:
     """Error of every correction that says something, by carrier, in order."""
-    truths: dict[int, TruthCarriers] = {}
+    truths: list[TruthCarriers] = []
     errors: dict[str, list[FrameError]] = defaultdict(list)
     origin = Site(*(getattr(scenario.origin, name) for name in scenario.origin.__struct_fields__))
     for message in messages:
         if isinstance(message, TruthCarriers):
-            truths[message.t_ns] = message
-        elif (truth := truths.get(message.valid_t_ns)) and message.own_axes:
+            insort(truths, message, key=_time)
+        elif message.own_axes and truths:
+            truth = truths[max(0, bisect_right(truths, message.valid_t_ns, key=_time) - 1)]
             errors[message.carrier].append(_error(origin, own, truth, message, message.own_axes))
     return dict(errors)
 
 
 def true_frame(
-    origin: Site, truth: TruthCarriers, own: str, other: str, reported: tuple[Pose, Pose]
+    origin: Site,
+    truth: TruthCarriers,
+    own: str,
+    other: str,
+    reported: tuple[Pose, Pose],
+    t_ns: int,
 ) -> TrueFrame:
     """The truth that a correction with these reported poses estimates.
+
+    Args:
+        truth: the last step before the instant `t_ns` of the estimate.
 
     The rotation is what is left after the known difference of the norths at the two *reported*
     places, as the correction has it.
     """
     own_index, other_index = truth.carrier.index(own), truth.carrier.index(other)
-    own_site, other_site = (
-        site_at(origin, np.array(truth.position_m[index])) for index in (own_index, other_index)
-    )
+    own_site = site_at(origin, _place_m(truth, own_index, t_ns))
+    other_site = site_at(origin, _place_m(truth, other_index, t_ns))
     own_from_other = target_from_source(own_site, other_site)
     fixed = own_from_other.translation_m[:2]
     c1, c2 = truth.north_error_rad[own_index], truth.north_error_rad[other_index]
@@ -147,9 +156,8 @@ def _error(
 ) -> FrameError:
     assert correction.own_pose is not None  # noqa: S101 (comes with own_axes)
     assert correction.other_pose is not None  # noqa: S101
-    true = true_frame(
-        origin, truth, own, correction.carrier, (correction.own_pose, correction.other_pose)
-    )
+    poses = (correction.own_pose, correction.other_pose)
+    true = true_frame(origin, truth, own, correction.carrier, poses, correction.valid_t_ns)
     reported = np.array([axes.reported_east_m, axes.reported_north_m])
     after = np.array([axes.east_m, axes.north_m]) - true.place_m
     after_rad = float(wrap_pi(axes.rotation_rad - true.rotation_rad))
@@ -172,6 +180,21 @@ def _error(
         sigma_rad=float(np.sqrt(covariance[2, 2])),
         nees=float(error @ np.linalg.solve(covariance, error)),
     )
+
+
+def _place_m(truth: TruthCarriers, index: int, t_ns: int) -> np.ndarray:
+    """Where a carrier is a moment after a step."""
+    passed_s = (t_ns - truth.t_ns) * 1e-9
+    way = np.array(truth.velocity_mps[index]) * passed_s
+    return np.array(
+        np.array(truth.position_m[index])
+        + way
+        + np.array(truth.acceleration_mps2[index]) * passed_s**2 / 2
+    )
+
+
+def _time(truth: TruthCarriers) -> int:
+    return truth.t_ns
 
 
 def _pair(vector: np.ndarray) -> tuple[float, float]:

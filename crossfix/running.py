@@ -41,7 +41,7 @@ def carry_out(path: Path, options: RunOptions) -> int:
         if options.connect:
             _refuse_if_alive(run, endpoint)
         _on_interrupt(launch)
-        launch.start(_children(path, declared, run, recording, endpoint, options))
+        launch.start(processes(path, declared, run, recording, endpoint, options))
         with open_bus(endpoint, HUB_S) as bus:
             watcher.follow(bus)
             code = launch.watch(watcher.turn)
@@ -90,7 +90,7 @@ def _new_recording(run: str) -> Path:
     return path
 
 
-def _children(
+def processes(
     path: Path,
     declared: DeclaredScenario,
     run: str,
@@ -98,6 +98,7 @@ def _children(
     endpoint: str,
     options: RunOptions,
 ) -> Sequence[Child]:
+    """The processes of a run: world, fusion centre and one for each carrier."""
     wire = ["--connect", endpoint, "--run", run]
     timeout = ["--start-timeout", str(options.start_timeout)]
     world = ["sim_world", str(path), *wire, *timeout, "--rate", options.rate]

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
-from math import degrees
+from math import degrees, isnan
 from pathlib import Path
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
-from schemas.recording.reader import open_recording
+from rich.text import Text
 
 from schemas import keys
 from schemas.messages import Correction, DeclaredScenario, TruthCarriers
+from schemas.recording.reader import open_recording
 
 from .evaluation import FrameSummary, frame_errors, summarise
 
@@ -53,29 +55,41 @@ def own_carrier(scenario: DeclaredScenario) -> str:
 
 
 def _print(summaries: list[FrameSummary]) -> None:
-    table = Table(title="Error of each carrier's frame, before -> after correction", caption=NOTE)
-    table.add_column("carrier")
-    table.add_column("state")
-    for heading in ("own axes [m]", "fixed axes [m]", "north [deg]", "sigma claimed", "NEES/dim"):
-        table.add_column(heading, justify="right")
-    table.add_column("targets used", justify="right")
+    table = Table(
+        title="Error of each carrier's frame, before -> after correction",
+        caption=NOTE,
+        caption_justify="left",
+        box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+    )
+    table.add_column("carrier", no_wrap=True)
+    table.add_column("state", no_wrap=True)
+    for heading in (
+        "own axes\n[m]", "sigma\n[m]", "fixed axes\n[m]", "north\n[deg]", "sigma\n[deg]",
+        "NEES\n/dim", "targets\nused",
+    ):  # fmt: skip
+        table.add_column(Text(heading), justify="right", no_wrap=True)
     for s in summaries:
         table.add_row(
             s.carrier,
             s.state,
             _change(s.before_m, s.after_m, ".0f"),
+            f"{s.sigma_m:.0f}",
             _change(s.fixed_before_m, s.fixed_after_m, ".0f"),
             _change(degrees(s.before_rad), degrees(s.after_rad), ".2f"),
-            f"{s.sigma_m:.0f} m, {degrees(s.sigma_rad):.2f} deg",
+            f"{degrees(s.sigma_rad):.2f}",
             f"{s.nees / 3:.2f}",
             f"{s.pairs:.1f}",
         )
     console = Console()
-    console.print(table)
+    console.print(table, highlight=False)
     for s in summaries:
         if s.reason:
-            console.print(f"{s.carrier}: {s.reason}")
+            console.print(f"{s.carrier}: {s.reason}", highlight=False)
 
 
 def _change(before: float, after: float, form: str) -> str:
+    if isnan(before):
+        return "-"
     return f"{before:{form}} -> {after:{form}}"

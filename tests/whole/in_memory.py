@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,11 @@ from carriers.node import CarrierNode
 from fusion_center.node import FusionNode
 from fusion_center.recorder import record_run
 from fusion_center.settings import settings_from
-from schemas import keys
+from schemas import codec, keys
+from schemas.bus.interface import Inbox, Sample
 from schemas.bus.member import Buses, Member
 from schemas.bus.memory_bus import MemoryNetwork
+from schemas.messages import Step
 from sim_world.node import Pace, WorldNode
 from sim_world.scenario import Scenario
 from sim_world.world import World
@@ -60,6 +63,18 @@ class MemoryRun:
         """As kill -9."""
         self.network.kill(name)
         self.carriers[name].stop()
+
+    def await_step(self, step: int) -> None:
+        """Return when the world has granted a step."""
+        inbox: Inbox[Sample] = Inbox()
+        with self.network.bus("viewer") as bus:
+            bus.subscribe(keys.STEP.key(self.run), inbox)
+            deadline_s = time.monotonic() + DEADLINE_S
+            while time.monotonic() < deadline_s:
+                for sample in inbox.take(0.1):
+                    if codec.decode(Step, sample.payload).step >= step:
+                        return
+        raise AssertionError(f"step {step} was never granted")
 
     def _world(self) -> None:
         member = Member(self.run, keys.WORLD, self._buses(keys.WORLD))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from mcap.reader import make_reader
 
 from schemas.bus.memory_bus import MemoryNetwork
 from sim_world.scenario import Scenario, parse_scenario
 from tests.whole.in_memory import MemoryRun
+from tests.whole.recorded import outputs
 
 SCENARIO = Path(__file__).with_name("small.toml")
 
@@ -17,15 +17,6 @@ SCENARIO = Path(__file__).with_name("small.toml")
 @pytest.fixture(scope="module")
 def scenario() -> Scenario:
     return parse_scenario(SCENARIO.read_text(), SCENARIO.name)
-
-
-def outputs(path: Path) -> list[tuple[str, bytes]]:
-    with path.open("rb") as file:
-        return [
-            (channel.topic, message.data)
-            for _, channel, message in make_reader(file).iter_messages(log_time_order=False)
-            if channel.metadata.get("role") == "output"
-        ]
 
 
 @pytest.fixture(scope="module")
@@ -46,4 +37,4 @@ def test_lost_doubled_delayed_and_reordered_messages_change_no_byte(
     trouble = {"loss": 0.2, "duplicate": 0.2, "delay_s": (0.0, 0.02), "reorder": 0.3}
     with MemoryNetwork(seed, **trouble) as network:
         MemoryRun(scenario, network, path).carry_out()
-    assert sorted(outputs(path)) == sorted(quiet)
+    assert outputs(path) == quiet
