@@ -1,0 +1,138 @@
+"""Files of other MCAP writers: other compression, chunks, orders, and things not of the wire."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.writer import CompressionType, IndexType, Writer
+
+from schemas.errors import RecordingError
+from schemas.recording.contents import END, RUN, to_metadata
+from schemas.recording.reader import open_recording, summary
+from tests.schemas.recording.recordings import DONE, HEADER, Written, everything, messages, read
+
+STREAM = list(messages(300))
+FORMS: dict[str, dict[str, Any]] = {
+    "lz4": {"compression": CompressionType.LZ4, "chunk_size": 2000},
+    "plain": {"compression": CompressionType.NONE, "chunk_size": 5000},
+    "one chunk": {"chunk_size": 10**9},
+    "without chunks": {"use_chunking": False},
+    "without index": {"index_types": IndexType.NONE, "chunk_size": 3000},
+    "without checksums": {"enable_crcs": False, "chunk_size": 3000},
+    "without statistics": {"use_statistics": False, "chunk_size": 3000},
+    "without repeated channels": {"repeat_channels": False, "repeat_schemas": False},
+    "without offsets": {"use_summary_offsets": False},
+}
+every_form = pytest.mark.parametrize("form", FORMS.values(), ids=FORMS.keys())
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "run.mcap"
+
+
+def write_plainly(
+    path: Path, stream: list[Written], *, finish: bool = True, header: bool = True, **form: Any
+) -> None:
+    with path.open("wb") as file:
+        writer = Writer(file, **form)
+        writer.start()
+        if header:
+            writer.add_metadata(RUN, to_metadata(HEADER))
+        channels: dict[str, int] = {}
+        other = writer.register_channel("/rosout", "cdr", 0)
+        for sample in stream:
+            if sample.key not in channels:
+                schema = writer.register_schema("any", "jsonschema", b"{}")
+                channels[sample.key] = writer.register_channel(
+                    sample.key, "msgpack", schema, {"encoding": sample.encoding}
+                )
+            writer.add_message(other, sample.log_time_ns, b"\0", 0)
+            writer.add_message(
+                channels[sample.key],
+                sample.log_time_ns,
+                sample.payload,
+                sample.publish_time_ns,
+                sample.sequence,
+            )
+        writer.add_metadata(END, to_metadata(DONE))
+        writer.flush()  # type: ignore[no-untyped-call]
+        if finish:
+            writer.finish()  # type: ignore[no-untyped-call]
+
+
+@every_form
+@pytest.mark.parametrize("finish", [True, False], ids=["finished", "unfinished"])
+def test_files_of_a_plain_writer_read_the_same(path: Path, form: Any, finish: bool) -> None:
+    write_plainly(path, STREAM, finish=finish, **form)
+    with open_recording(path) as recording:
+        assert everything(recording) == STREAM
+        assert recording.end == DONE
+        ordered = recording.messages(order="log_time")
+        assert [Written(*message[1:]) for message in ordered] == STREAM
+        recording.check()
+    found = summary(path)
+    assert found.messages == 2 * len(STREAM)
+    assert next(c for c in found.channels if c.key == "/rosout")[1:] == ("", "", "cdr", len(STREAM))
+
+
+@every_form
+def test_messages_out_of_order_are_read_in_the_order_of_time(path: Path, form: Any) -> None:
+    stirred = [STREAM[n * 7 % len(STREAM)] for n in range(len(STREAM))]
+    write_plainly(path, stirred, **form)
+    with open_recording(path) as recording:
+        assert everything(recording) == stirred
+        ordered = recording.messages(order="log_time")
+        assert [Written(*message[1:]) for message in ordered] == STREAM
+        part = recording.messages(
+            order="log_time", start_ns=STREAM[50].log_time_ns, stop_ns=STREAM[60].log_time_ns
+        )
+        assert [Written(*message[1:]) for message in part] == STREAM[50:60]
+
+
+@given(st.lists(st.integers(0, 6), max_size=60), st.integers(100, 900))
+@settings(deadline=None, max_examples=30)
+def test_ties_keep_the_order_of_the_file(
+    tmp_path_factory: pytest.TempPathFactory, times_ns: list[int], chunk_size: int
+) -> None:
+    path = tmp_path_factory.mktemp("ties") / "run.mcap"
+    stream = [
+        w._replace(log_time_ns=t, sequence=n)
+        for n, (w, t) in enumerate(zip(STREAM, times_ns, strict=False))
+    ]
+    write_plainly(path, stream, chunk_size=chunk_size)
+    with open_recording(path) as recording:
+        ordered = [Written(*message[1:]) for message in recording.messages(order="log_time")]
+    assert ordered == sorted(stream, key=lambda w: w.log_time_ns)
+
+
+def test_a_file_without_our_header_is_none_of_ours(path: Path) -> None:
+    write_plainly(path, STREAM, header=False)
+    with pytest.raises(RecordingError, match=r"not a recording of crossfix; got 'no metadata"):
+        open_recording(path)
+
+
+def test_a_message_on_a_channel_that_was_never_named_is_refused(path: Path) -> None:
+    """The library writes such a file without a word."""
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.add_metadata(RUN, to_metadata(HEADER))
+        writer.add_message(7, 1, b"x", 1)
+        writer.finish()  # type: ignore[no-untyped-call]
+    with pytest.raises(RecordingError, match="unknown channel 7"):
+        read(path)
+
+
+def test_messages_beside_the_chunks_of_an_indexed_file_are_missed_aloud(path: Path) -> None:
+    """No index leads to them, but the counts tell."""
+    write_plainly(path, STREAM[:50], chunk_size=10**9)
+    with open_recording(path) as recording:
+        index = recording.index
+        recording.index = index._replace(spans=[], counts=index.counts)
+        with pytest.raises(RecordingError, match="index and messages disagree"):
+            list(recording.messages())
