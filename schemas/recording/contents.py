@@ -112,11 +112,12 @@ def from_metadata(kind: type[T], entries: Mapping[str, str], where: str) -> T:
     texts = dict(entries)
     if texts.pop(_CHECKSUM, None) not in (None, _checksum(texts)):
         raise RecordingError("metadata damaged: checksum differs", where=where)
-    if int(texts.get("format", FORMAT)) > FORMAT:
+    version = texts.get("format", str(FORMAT))
+    if not version.isdecimal() or int(version) > FORMAT:
         raise RecordingError(
             "recorded by a newer crossfix",
             where=where,
-            got=f"format {texts['format']}",
+            got=f"format {version}",
             expected=f"at most {FORMAT}",
         )
     try:
