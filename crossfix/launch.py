@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import NoReturn
 
-from schemas.bus.entry import THREADS
+from schemas.bus.entry import LAUNCHER, THREADS
 from schemas.errors import LaunchError
 
 DEFAULT_PORT = 7447
@@ -40,14 +40,14 @@ class Child:
 
     def start(self) -> None:
         """Start it in a process group of its own: Ctrl-C reaches the launcher alone."""
-        environment = {**os.environ, "PYTHONUNBUFFERED": "1"} | dict.fromkeys(THREADS, "1")
+        environment = os.environ | {"PYTHONUNBUFFERED": "1", LAUNCHER: str(os.getpid())}
         self.process = subprocess.Popen(  # noqa: S603 (our own modules)
             [sys.executable, "-m", *self.arguments],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env=environment,
+            env=environment | dict.fromkeys(THREADS, "1"),
             start_new_session=True,
         )
 
@@ -104,8 +104,7 @@ class Launch:
                 self._end_stragglers()
             time.sleep(POLL_S)
         self._stop_hub()
-        for reader in self._readers:
-            reader.join(timeout=1)
+        self._join_readers()
         return self.exit_code
 
     def interrupt(self) -> None:
@@ -128,6 +127,7 @@ class Launch:
             if hasattr(child, "process"):
                 child.send(signal.SIGKILL)
                 child.process.wait()
+        self._join_readers()
 
     def pid(self, name: str) -> int:
         """Process id of a child."""
@@ -141,8 +141,13 @@ class Launch:
 
     def _read(self, child: Child) -> None:
         assert child.process.stdout is not None  # noqa: S101 (a pipe was asked for)
-        for line in child.process.stdout:
-            self._say(child.name, line.rstrip())
+        with child.process.stdout as lines:
+            for line in lines:
+                self._say(child.name, line.rstrip())
+
+    def _join_readers(self) -> None:
+        for reader in self._readers:
+            reader.join(timeout=1)
 
     def _poll(self) -> None:
         for child in self._children:

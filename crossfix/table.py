@@ -9,7 +9,6 @@ from pathlib import Path
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from schemas import keys
 from schemas.messages import Correction, DeclaredScenario, TruthCarriers
@@ -18,9 +17,9 @@ from schemas.recording.reader import open_recording
 from .evaluation import FrameSummary, frame_errors, summarise
 
 NOTE = (
-    "Root mean squares over the second half of the run. Own axes: the other carrier as the own "
-    "one's sensors see it. Fixed axes: towards true north, where a common rotation of both norths "
-    "cannot be observed and leaves a floor. NEES/dim of an honest sigma is 1."
+    "Root mean squares over the second half of the run, when it has converged. Own axes: the other "
+    "carrier as the own one's sensors see it. Fixed axes: to true north; both norths turned "
+    "together cannot be observed there and leave a floor. An honest sigma has NEES/dim 1."
 )
 
 
@@ -56,32 +55,23 @@ def own_carrier(scenario: DeclaredScenario) -> str:
 
 def _print(summaries: list[FrameSummary]) -> None:
     table = Table(
-        title="Error of each carrier's frame, before -> after correction",
+        title="Error of each carrier's frame before and after correction",
         caption=NOTE,
         caption_justify="left",
         box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        pad_edge=False,
     )
-    table.add_column("carrier", no_wrap=True)
-    table.add_column("state", no_wrap=True)
-    for heading in (
-        "own axes\n[m]", "sigma\n[m]", "fixed axes\n[m]", "north\n[deg]", "sigma\n[deg]",
-        "NEES\n/dim", "targets\nused",
-    ):  # fmt: skip
-        table.add_column(Text(heading), justify="right", no_wrap=True)
+    for heading in ("carrier", "error of"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("before", "after", "sigma", "NEES/dim"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for s in summaries:
-        table.add_row(
-            s.carrier,
-            s.state,
-            _change(s.before_m, s.after_m, ".0f"),
-            f"{s.sigma_m:.0f}",
-            _change(s.fixed_before_m, s.fixed_after_m, ".0f"),
-            _change(degrees(s.before_rad), degrees(s.after_rad), ".2f"),
-            f"{degrees(s.sigma_rad):.2f}",
-            f"{s.nees / 3:.2f}",
-            f"{s.pairs:.1f}",
-        )
+        place, fixed = (s.before_m, s.after_m, s.sigma_m), (s.fixed_before_m, s.fixed_after_m)
+        north = (s.before_rad, s.after_rad, s.sigma_rad)
+        nees = _number(s.nees / 3, ".2f")
+        table.add_row(s.carrier, "place, own axes", *map(_metres, place), nees)
+        table.add_row(s.state, "place, fixed axes", *map(_metres, fixed))
+        targets = _number(s.pairs, ".1f", " targets")
+        table.add_row(targets, "north", *map(_degrees, north), end_section=True)
     console = Console()
     console.print(table, highlight=False)
     for s in summaries:
@@ -89,7 +79,13 @@ def _print(summaries: list[FrameSummary]) -> None:
             console.print(f"{s.carrier}: {s.reason}", highlight=False)
 
 
-def _change(before: float, after: float, form: str) -> str:
-    if isnan(before):
-        return "-"
-    return f"{before:{form}} -> {after:{form}}"
+def _metres(metres: float) -> str:
+    return _number(metres, ".0f", " m")
+
+
+def _degrees(radians: float) -> str:
+    return _number(degrees(radians), ".2f", " deg")
+
+
+def _number(value: float, form: str, unit: str = "") -> str:
+    return "-" if isnan(value) else f"{value:{form}}{unit}"

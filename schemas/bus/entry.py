@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import os
 import signal
@@ -14,6 +15,21 @@ from ..errors import CrossfixError
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
+LAUNCHER = "CROSSFIX_LAUNCHER"
+"""Environment variable with the process id of the launcher, in what it has started."""
+_PR_SET_PDEATHSIG = 1
+
+
+def leave_with_launcher() -> None:
+    """Have the kernel end this process when its launcher dies, however it dies (Linux only)."""
+    launcher = os.environ.get(LAUNCHER)
+    if launcher is None or not sys.platform.startswith("linux"):
+        return
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if str(os.getppid()) != launcher:  # it was gone before we asked
+        raise SystemExit(1)
+
+
 def pin_threads() -> None:
     """Hold BLAS to one thread, before numpy is first imported: sums must not depend on cores."""
     for name in THREADS:
@@ -22,6 +38,7 @@ def pin_threads() -> None:
 
 def run_process(name: str, body: Callable[[], int]) -> int:
     """Run a process's body with logging; a user's error becomes one line and its exit code."""
+    leave_with_launcher()
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
     try:
         return body()

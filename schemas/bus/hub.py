@@ -17,6 +17,7 @@ from collections.abc import Sequence
 import zenoh
 
 from ..errors import BusError, CrossfixError
+from .entry import leave_with_launcher
 from .zenoh_session import Settings, close_session, open_session
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
@@ -75,6 +76,7 @@ def main() -> int:
         "--connect", metavar="ENDPOINT", action="append", default=[], help="another hub to join"
     )
     options = parser.parse_args()
+    leave_with_launcher()
     listen = options.listen or DEFAULT_ENDPOINT
     try:
         run_hub(listen, options.connect, strict=options.listen is not None)

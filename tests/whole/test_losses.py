@@ -7,14 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from fusion_center.fuse import fuse
-from schemas import codec, keys
+from schemas import keys
 from schemas.bus.memory_bus import MemoryNetwork
 from schemas.messages import Closed
-from schemas.recording.reader import open_recording
 from sim_world.scenario import Scenario, parse_scenario
 from tests.whole.in_memory import MemoryRun
 from tests.whole.recorded import messages, outputs
+from tests.whole.refusing import refused
 
 SCENARIO = Path(__file__).with_name("small.toml")
 STEPS = 30
@@ -23,19 +22,6 @@ STEPS = 30
 @pytest.fixture
 def scenario() -> Scenario:
     return parse_scenario(SCENARIO.read_text(), SCENARIO.name)
-
-
-def refused(path: Path) -> list[tuple[str, bytes]]:
-    """Outputs of fusing the recording's inputs once more."""
-    with open_recording(path) as recording:
-        run = recording.header.run
-        inputs = [m.decode() for m in recording.messages(roles=(keys.Role.INPUT,))]
-        again = [
-            (published.topic.key(run, *published.ids), codec.encode(published.message))
-            for published_of_step in fuse([recording.scenario, *inputs])
-            for published in published_of_step
-        ]
-    return sorted(again, key=lambda pair: pair[0])
 
 
 def closed(path: Path) -> list[Closed]:

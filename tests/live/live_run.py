@@ -1,0 +1,96 @@
+"""A run as real processes over real Zenoh, for tests that kill and watch them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import TypeVar
+
+import msgspec
+
+from crossfix.commands.run import RunOptions
+from crossfix.launch import Launch, free_endpoint
+from crossfix.running import processes
+from schemas import codec, keys
+from schemas.bus.interface import Inbox, Sample
+from schemas.bus.zenoh_bus import open_bus
+from schemas.messages import Health, Step
+from sim_world.scenario import load_scenario
+
+DEADLINE_S = 90.0
+T = TypeVar("T", bound=msgspec.Struct)
+
+
+class LiveRun:
+    """Launches a scenario; `with` ends whatever still runs."""
+
+    def __init__(self, scenario: Path, output: Path, options: RunOptions | None = None) -> None:
+        self.output = output
+        self.lines: list[str] = []
+        self.declared = load_scenario(scenario).declared
+        self.run = self.declared.name
+        self.endpoint = free_endpoint(port=0)
+        self.launch = Launch(self.endpoint, lambda name, line: self.lines.append(f"{name} {line}"))
+        options = options or RunOptions()
+        self._children = processes(
+            scenario, self.declared, self.run, output, self.endpoint, options
+        )
+        self._inbox: Inbox[Sample] = Inbox()
+        self._watching: threading.Thread | None = None
+        self.code: int | None = None
+
+    def __enter__(self) -> LiveRun:
+        self.launch.start(self._children)
+        self._bus = open_bus(self.endpoint, 20.0)
+        for topic in (keys.STEP, keys.HEALTH):
+            self._bus.subscribe(topic.every(self.run), self._inbox)
+        self._watching = threading.Thread(target=self._watch, daemon=True)
+        self._watching.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bus.close()
+        self.launch.kill()
+
+    def await_message(self, kind: type[T], wanted: Callable[[T], bool]) -> T:
+        """The next message of a kind that is as wanted."""
+        deadline_s = time.monotonic() + DEADLINE_S
+        while time.monotonic() < deadline_s:
+            for sample in self._inbox.take(0.05):
+                if keys.parse(sample.key).topic.message is kind:
+                    message = codec.decode(kind, sample.payload)
+                    if wanted(message):
+                        return message
+        raise AssertionError(f"no such {kind.__name__}; {self.lines[-20:]}")
+
+    def await_step(self, number: int) -> None:
+        """Return when the world has granted a step."""
+        self.await_message(Step, lambda step: step.step >= number)
+
+    def await_news(self, words: str) -> Health:
+        """The health message that says these words."""
+        return self.await_message(Health, lambda h: any(words in line for line in h.news))
+
+    def signal(self, name: str, number: signal.Signals) -> None:
+        """Send a signal to one process."""
+        os.kill(self.launch.pid(name), number)
+
+    def await_end(self) -> int:
+        """Exit code of the run."""
+        assert self._watching is not None
+        self._watching.join(DEADLINE_S)
+        assert self.code is not None, f"the run did not end; {self.lines[-20:]}"
+        return self.code
+
+    def _watch(self) -> None:
+        self.code = self.launch.watch(lambda: None)

@@ -1,0 +1,109 @@
+"""Real processes over real Zenoh, killed, stopped and cut off: the run goes on and says so."""
+
+from __future__ import annotations
+
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from crossfix.commands.run import RunOptions
+from schemas import keys
+from schemas.messages import Closed
+from schemas.recording.reader import open_recording
+from tests.live.live_run import LiveRun
+from tests.whole.recorded import messages, outputs
+from tests.whole.refusing import refused
+
+pytestmark = pytest.mark.live
+SCENARIO = Path(__file__).with_name("patrol.toml")
+STEPS = 60
+SLOW = RunOptions(delay=0.1)
+"""Steps of a twentieth of a second or so: time enough to make trouble in the middle."""
+
+
+def closed(path: Path) -> list[Closed]:
+    return list(messages(path, keys.CLOSED_FUSION, Closed))
+
+
+def test_a_carrier_killed_in_mid_run_is_told_at_once_and_the_run_goes_on(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with LiveRun(SCENARIO, path, SLOW) as run:
+        run.await_step(10)
+        run.signal("bravo", signal.SIGKILL)
+        killed_s = time.monotonic()
+        health = run.await_news("bravo is lost")
+        told_s = time.monotonic() - killed_s
+        code = run.await_end()
+    assert told_s < 0.5
+    assert health.lost == ["bravo"]
+    assert code == 128 + signal.SIGKILL
+    steps = closed(path)
+    assert [c.step for c in steps] == list(range(1, STEPS + 1))
+    assert [c.lost for c in steps if c.lost] == [["bravo"]]
+    with open_recording(path) as recording:
+        assert recording.end is not None
+        assert (recording.end.reason, recording.end.gaps) == ("finished", 0)
+    assert outputs(path) == refused(path)
+
+
+def test_a_hung_carrier_is_given_up_within_the_lease_and_returns_with_a_new_boot(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "run.mcap"
+    with LiveRun(SCENARIO, path, SLOW) as run:
+        run.await_step(10)
+        run.signal("bravo", signal.SIGSTOP)
+        stopped_s = time.monotonic()
+        run.await_news("bravo is lost")
+        told_s = time.monotonic() - stopped_s
+        run.signal("bravo", signal.SIGCONT)
+        run.await_news("bravo has come")
+        code = run.await_end()
+    assert told_s < 2.0 + 0.5
+    assert code == 0
+    boots = {e.boot for c in closed(path) for e in c.manifest if e.carrier == "bravo"}
+    assert len(boots) == 2
+    assert outputs(path) == refused(path)
+
+
+def test_a_hub_killed_and_started_again_costs_no_message(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with LiveRun(SCENARIO, path, SLOW) as run:
+        run.await_step(10)
+        run.signal("hub", signal.SIGKILL)
+        code = run.await_end()
+    assert code == 0
+    steps = closed(path)
+    assert [c.step for c in steps] == list(range(1, STEPS + 1))
+    assert not [c for c in steps if c.lost or c.gave_up]
+    assert outputs(path) == refused(path)
+
+
+def test_the_fusion_centre_killed_ends_the_run_with_its_code_and_a_readable_recording(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "run.mcap"
+    with LiveRun(SCENARIO, path, SLOW) as run:
+        run.await_step(30)
+        run.signal("fusion", signal.SIGKILL)
+        code = run.await_end()
+    assert code == 128 + signal.SIGKILL
+    recorded = closed(path)
+    assert [c.step for c in recorded] == list(range(1, len(recorded) + 1))
+    assert len(recorded) >= 15
+
+
+def test_one_interrupt_ends_cleanly_with_a_finished_recording(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with LiveRun(SCENARIO, path, SLOW) as run:
+        run.await_step(10)
+        run.launch.interrupt()
+        code = run.await_end()
+    assert code == 0
+    with open_recording(path) as recording:
+        assert recording.end is not None
+        assert recording.end.reason == "interrupted"
+    assert 9 <= len(closed(path)) < STEPS  # the step that was granted may still be open
+    assert outputs(path) == refused(path)
