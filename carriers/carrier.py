@@ -22,10 +22,11 @@ from schemas.messages import (
     TruthTargets,
 )
 from sim_world.clocks import stamp_ns
+from sim_world.logs import Logs
 from sim_world.navigation import declared_covariances, sail
 from sim_world.scenario import Scenario
 from sim_world.scene import Stand, stand_of, targets_of
-from sim_world.sensors import Logs, Look, Sensor
+from sim_world.sensors import Look, Sensor
 from sim_world.world import origin_of
 
 _UPPER = np.triu_indices(3)

@@ -8,6 +8,7 @@ its own draws at each report, for all targets at once: a counter-based Philox wh
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -17,6 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from estimation.arrays import Array
 
 Words = NDArray[np.uint64]
+Address = tuple[int, str]
+"""A report by its number, and what the draw is for."""
 _MASK = 0xFFFFFFFF
 _MULTIPLIERS = (0xD2511F53, 0xCD9E8D57)
 _WEYL = (0x9E3779B9, 0xBB67AE85)
@@ -49,18 +52,26 @@ class TargetDraws(NamedTuple):
         first, second = _sequence(seed, names).generate_state(2)
         return cls((int(first), int(second)))
 
-    def uniform(self, numbers: ArrayLike, report: int, purpose: str) -> Array:
-        """Two numbers (N, 2) in (0, 1) for each target of `numbers` (N,), uint32."""
-        words = philox(_counters(numbers, report, purpose), self.key)
+    def at(self, numbers: ArrayLike, addresses: Sequence[Address]) -> Array:
+        """Two numbers in (0, 1) for each target at each address.
+
+        Args:
+            numbers: (N,) of the targets, below 2^32.
+            addresses: P of them.
+
+        Returns:
+            (P, N, 2); `normal` makes normal numbers of them.
+        """
+        words = philox(_counters(np.asarray(numbers, dtype=np.uint64), addresses), self.key)
         whole = (words[..., 0::2] << 21) ^ (words[..., 1::2] >> 11)  # 53 bits
         shares: Array = (whole.astype(float) + 0.5) * 2.0**-53
         return shares
 
-    def normal(self, numbers: ArrayLike, report: int, purpose: str) -> Array:
-        """Two standard normal numbers (N, 2) for each target of `numbers` (N,), uint32."""
-        u = self.uniform(numbers, report, purpose)
-        radius, turn = np.sqrt(-2 * np.log(u[..., 0])), 2 * np.pi * u[..., 1]
-        return np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=-1)
+
+def normal(uniform: Array) -> Array:
+    """Two standard normal numbers (..., 2) of two uniform ones, after Box and Muller."""
+    radius, turn = np.sqrt(-2 * np.log(uniform[..., 0])), 2 * np.pi * uniform[..., 1]
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=-1)
 
 
 def philox(counter: Words, key: tuple[int, int]) -> Words:
@@ -78,11 +89,11 @@ def philox(counter: Words, key: tuple[int, int]) -> Words:
     return np.stack([a, b, c, d], axis=-1)
 
 
-def _counters(numbers: ArrayLike, report: int, purpose: str) -> Words:
-    first = np.asarray(numbers, dtype=np.uint64)
-    counters = np.empty((*first.shape, 4), dtype=np.uint64)
-    counters[..., 0] = first
-    counters[..., 1:] = report & _MASK, stable_hash(purpose, bits=32), report >> 32
+def _counters(numbers: Words, addresses: Sequence[Address]) -> Words:
+    counters = np.empty((len(addresses), len(numbers), 4), dtype=np.uint64)
+    counters[..., 0] = numbers
+    for row, (report, purpose) in zip(counters, addresses, strict=True):
+        row[:, 1:] = report & _MASK, stable_hash(purpose, bits=32), report >> 32
     return counters
 
 

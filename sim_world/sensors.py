@@ -11,7 +11,8 @@ from estimation.arrays import Array
 from estimation.frames import wrap_pi
 from schemas.messages import FeatureInfo
 
-from .noise import TargetDraws, generator
+from .logs import Logs
+from .noise import TargetDraws, generator, normal
 from .scenario.declared import CLASS_FEATURE, properties
 from .scenario.file import FeatureReports, ScenarioFile
 from .scenario.file import Sensor as SensorTable
@@ -34,47 +35,25 @@ class SystematicErrors(NamedTuple):
     clock_s: float
 
 
-class Logs(NamedTuple):
-    """L target logs as columns; None = the sensor does not measure that.
+class _Draws(NamedTuple):
+    """The draws (N, 2) of one look for N targets, by what they are for."""
 
-    Attributes:
-        classes: reported class and how likely it is the right one.
-        features: name -> values, NaN where a log has none.
-    """
+    detection: Array
+    polar: Array
+    elevation: Array
+    class_told: Array
+    identity: Array
+    features: tuple[Array, ...]
 
-    bearing_rad: Array
-    range_m: Array | None
-    elevation_rad: Array | None
-    time_offset_s: Array | None
-    identity: np.ndarray | None
-    classes: np.ndarray | None
-    features: dict[str, Array]
-
-    def take(self, rows: np.ndarray) -> Logs:
-        """The same of some rows."""
-        return self._replace(
-            bearing_rad=self.bearing_rad[rows],
-            range_m=_taken(self.range_m, rows),
-            elevation_rad=_taken(self.elevation_rad, rows),
-            time_offset_s=_taken(self.time_offset_s, rows),
-            identity=_taken(self.identity, rows),
-            classes=_taken(self.classes, rows),
-            features={name: values[rows] for name, values in self.features.items()},
-        )
-
-    def join(self, other: Logs) -> Logs:
-        """These and then those of the same sensor."""
-        return Logs(
-            bearing_rad=np.concatenate([self.bearing_rad, other.bearing_rad]),
-            range_m=_joined(self.range_m, other.range_m),
-            elevation_rad=_joined(self.elevation_rad, other.elevation_rad),
-            time_offset_s=_joined(self.time_offset_s, other.time_offset_s),
-            identity=_joined(self.identity, other.identity),
-            classes=_joined(self.classes, other.classes),
-            features={
-                name: np.concatenate([values, other.features[name]])
-                for name, values in self.features.items()
-            },
+    def take(self, rows: np.ndarray) -> _Draws:
+        """The draws of some of the targets."""
+        return _Draws(
+            self.detection[rows],
+            self.polar[rows],
+            self.elevation[rows],
+            self.class_told[rows],
+            self.identity[rows],
+            tuple(draw[rows] for draw in self.features),
         )
 
 
@@ -107,25 +86,41 @@ class Sensor:
         offset_s = self._swept_s(true.bearing_rad)
         if self.table.rotating:
             true = polar(stand, targets.motion, after_s + offset_s, after_s)
-        seen = self._seen(look, true, targets.number)
-        logs = self._measured(look, true.take(seen), targets.take(seen), offset_s[seen])
+        rows = self._in_view(true)
+        true, draws = true.take(rows), self._draw(look, targets.number[rows])
+        kept = self._detected(true, draws)
+        rows = rows[kept]
+        logs = self._measured(true.take(kept), targets.take(rows), offset_s[rows], draws.take(kept))
         if self.declared.clutter_per_scan > 0:
             logs = logs.join(self._clutter(look))
         return logs.take(np.argsort(logs.bearing_rad, kind="stable"))
+
+    def _draw(self, look: Look, number: np.ndarray) -> _Draws:
+        """All draws of one look; which identities it reads is settled once for all looks."""
+        n, features = look.number, [f"feature {f.name}" for f in self.table.features]
+        purposes = ["detection", "polar", "elevation", "class", *features]
+        addresses = [(n, purpose) for purpose in purposes]
+        detection, of_polar, elevation, told, *of_features, identity = self._draws.at(
+            number, [*addresses, (0, "identity")]
+        )
+        return _Draws(detection, of_polar, elevation, told, identity, tuple(of_features))
 
     def _swept_s(self, bearing_rad: Array) -> Array:
         """When the antenna, at own north at the time of the report, passed a bearing before."""
         return self.table.period_s * (bearing_rad / TURN_RAD - 1)
 
-    def _seen(self, look: Look, true: Polar, number: np.ndarray) -> np.ndarray:
-        """Rows of the targets within limits that are detected and not hidden by nearer ones."""
+    def _in_view(self, true: Polar) -> np.ndarray:
+        """Rows of the targets within range and sector."""
         limits = self.declared
         inside = (limits.range_min_m <= true.range_m) & (true.range_m <= limits.range_max_m)
         inside &= np.mod(true.bearing_rad - self._start_rad, TURN_RAD) <= self._width_rad
-        rows = np.flatnonzero(inside)
-        draws = self._draws.uniform(number[rows], look.number, "detection")
-        rows = rows[draws[:, 0] < limits.detection_probability]
-        return rows[self._resolved(true.take(rows))] if limits.resolution_bearing_rad else rows
+        return np.flatnonzero(inside)
+
+    def _detected(self, true: Polar, draws: _Draws) -> np.ndarray:
+        """Rows of those that are detected and not hidden by nearer ones."""
+        rows = np.flatnonzero(draws.detection[:, 0] < self.declared.detection_probability)
+        hidden = self.declared.resolution_bearing_rad > 0
+        return rows[self._resolved(true.take(rows))] if hidden else rows
 
     def _resolved(self, true: Polar) -> np.ndarray:
         """Which targets have no nearer one within the resolution."""
@@ -136,31 +131,24 @@ class Sensor:
             hides &= further <= self.declared.resolution_range_m
         return ~np.asarray(hides.any(axis=1))
 
-    def _measured(self, look: Look, true: Polar, targets: Targets, offset_s: Array) -> Logs:
-        table, errors, n = self.table, self.errors, look.number
-        noise = self._draws.normal(targets.number, n, "polar")
+    def _measured(self, true: Polar, targets: Targets, offset_s: Array, draws: _Draws) -> Logs:
+        table, errors = self.table, self.errors
+        noise = normal(draws.polar)
         bearing = true.bearing_rad + errors.azimuth_bias_rad
         bearing += radians(table.sigma_bearing_deg) * noise[:, 0]
         slant = true.range_m * (1 + errors.range_scale) + errors.range_bias_m
         slant += (table.sigma_range_m or 0.0) * noise[:, 1]
-        elevation = true.elevation_rad + self._tilts(targets, n)
+        tilt = radians(table.sigma_elevation_deg or 0.0) * normal(draws.elevation)[:, 0]
         return self._logs(
-            Polar(np.mod(bearing, TURN_RAD), np.abs(slant), elevation),
+            Polar(np.mod(bearing, TURN_RAD), np.abs(slant), true.elevation_rad + tilt),
             offset_s,
-            identity=self._identities(targets),
-            classes=self._classes(look, targets),
+            identity=self._identities(targets, draws),
+            classes=self._classes(targets, draws),
             features={
-                f.name: targets.features[f.name]
-                + f.sigma * self._draws.normal(targets.number, n, f"feature {f.name}")[:, 0]
-                for f in table.features
+                f.name: targets.features[f.name] + f.sigma * normal(draw)[:, 0]
+                for f, draw in zip(table.features, draws.features, strict=True)
             },
         )
-
-    def _tilts(self, targets: Targets, report: int) -> Array | float:
-        if self.table.sigma_elevation_deg is None:
-            return 0.0
-        draws = self._draws.normal(targets.number, report, "elevation")[:, 0]
-        return radians(self.table.sigma_elevation_deg) * draws
 
     def _logs(
         self,
@@ -183,18 +171,17 @@ class Sensor:
             features=features,
         )
 
-    def _identities(self, targets: Targets) -> np.ndarray:
-        """Identities that it reads; which, is settled once for all reports."""
-        reads = self._draws.uniform(targets.number, 0, "identity")[:, 0] < self.table.identity_share
+    def _identities(self, targets: Targets, draws: _Draws) -> np.ndarray:
+        reads = draws.identity[:, 0] < self.table.identity_share
         return _where(reads & (targets.identity != ""), targets.identity)
 
-    def _classes(self, look: Look, targets: Targets) -> np.ndarray:
+    def _classes(self, targets: Targets, draws: _Draws) -> np.ndarray:
         """The true class with the sensor's accuracy, else another; none of a target without."""
         if self.table.classes is None:
             return np.full(len(targets.number), None)
         names = self._class_info().categories
         true = np.array([names.index(c) if c else 0 for c in targets.classes], dtype=int)
-        u, v = self._draws.uniform(targets.number, look.number, "class").T
+        u, v = draws.class_told.T
         other = (true + 1 + np.floor(v * (len(names) - 1)).astype(int)) % len(names)
         told = np.where(u < self.table.classes.accuracy, true, other)
         return _where(targets.classes != "", np.array(names, dtype=object)[told])
@@ -216,10 +203,7 @@ class Sensor:
             self._swept_s(bearing),
             identity=np.full(count, None),
             classes=np.array(names, dtype=object)[rng.integers(len(names), size=count)],
-            features={
-                f.name: rng.uniform(*(f.population or (np.nan, np.nan)), count)
-                for f in table.features
-            },
+            features={f.name: _population(f, rng, count) for f in table.features},
         )
 
 
@@ -257,11 +241,3 @@ def _where(known: np.ndarray, names: np.ndarray) -> np.ndarray:
     column = np.full(len(names), None)
     column[known] = names[known]
     return column
-
-
-def _taken(column: np.ndarray | None, rows: np.ndarray) -> np.ndarray | None:
-    return None if column is None else column[rows]
-
-
-def _joined(a: np.ndarray | None, b: np.ndarray | None) -> np.ndarray | None:
-    return None if a is None or b is None else np.concatenate([a, b])

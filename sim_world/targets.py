@@ -178,6 +178,7 @@ class _Files:
         self._reports: dict[tuple[str, object], list[Report]] = {}
 
     def all(self, tracks: Tracks, *path: str | int) -> Iterator[Recording]:
+        """Every track of a file that is asked for, by id."""
         wanted = {str(name) for name in tracks.ids}
         reports = self._read(tracks, *path)
         chosen = [r for r in reports if r.id in wanted] if wanted else reports
@@ -185,6 +186,7 @@ class _Files:
         yield from recordings(chosen, tracks, self.origin, tracks.min_reports)
 
     def track(self, track: Track, *path: str | int) -> Recorded:
+        """One track of a file."""
         reports = self._read(track, *path)
         chosen = [r for r in reports if r.id == str(track.id)]
         found = list(recordings(chosen, track, self.origin))

@@ -5,9 +5,10 @@ from __future__ import annotations
 import csv
 import gzip
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from datetime import UTC, datetime
 from itertools import groupby
+from math import isfinite, radians
 from operator import attrgetter
 from pathlib import Path
 from typing import IO, NamedTuple
@@ -53,12 +54,14 @@ def read_reports(path: Path, columns: Columns) -> list[Report]:
     Raises:
         ScenarioError: it is no CSV, a column is missing, or a cell is no number.
     """
-    with _opened(path) as stream:
-        lines = csv.DictReader(stream)
-        _require_columns(path, lines.fieldnames or (), columns)
-        return [
-            r for n, line in enumerate(lines, start=2) if (r := _report(path, n, line, columns))
-        ]
+    try:
+        with _opened(path) as stream:
+            lines = csv.DictReader(stream)
+            _require_columns(path, lines.fieldnames or (), columns)
+            numbered = (_Line(path.name, n, line) for n, line in enumerate(lines, start=2))
+            return [report for line in numbered if (report := _report(line, columns))]
+    except (OSError, EOFError, UnicodeDecodeError, csv.Error) as error:
+        raise ScenarioError("unreadable", where=path.name, got=str(error)) from None
 
 
 def recordings(
@@ -173,46 +176,51 @@ def _require_columns(path: Path, names: Sequence[str], columns: Columns) -> None
             )
 
 
-def _report(path: Path, number: int, line: dict[str, str], columns: Columns) -> Report | None:
-    """One line understood; None where it holds no place or time."""
+class _Line(NamedTuple):
+    """One line of a file, to say where a cell is wrong."""
 
-    def cell(name: str) -> float:
-        text = line.get(name, "") if name else ""
+    file: str
+    number: int
+    cells: dict[str, str]
+
+    def text(self, column: str) -> str:
+        """A cell; empty where there is no such column or the line is too short."""
+        return (self.cells.get(column) or "").strip()
+
+    def value(self, column: str) -> float:
+        """A cell as a number, NaN where it is empty."""
         try:
-            return float(text) if text else np.nan
+            return float(self.text(column) or "nan")
         except ValueError:
-            raise _bad_cell(path, number, name, text, "a number") from None
+            raise self._error(column, "a number") from None
 
-    text = line.get(columns.time) or ""
-    latitude, longitude = cell(columns.latitude_deg), cell(columns.longitude_deg)
-    if not text or np.isnan(latitude + longitude):
-        return None
-    knots = cell(columns.speed_knots) * KNOT_MPS
-    return Report(
-        id=(line.get(columns.id) or "").strip(),
-        time_s=_unix_s(path, number, columns.time, text),
-        latitude_rad=np.radians(latitude),
-        longitude_rad=np.radians(longitude),
-        altitude_m=cell(columns.altitude_m),
-        speed_mps=knots if columns.speed_knots else cell(columns.speed_mps),
-        course_rad=np.radians(cell(columns.course_deg)),
+    def time_s(self, column: str) -> float:
+        """Unix seconds of a time, which is UTC where it names no zone; NaN where it is empty."""
+        text = self.text(column)
+        with suppress(ValueError):
+            return float(text or "nan")
+        try:
+            time = datetime.fromisoformat(text)
+        except ValueError:
+            raise self._error(column, "ISO 8601 or Unix seconds") from None
+        return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
+
+    def _error(self, column: str, expected: str) -> ScenarioError:
+        where = f"{self.file} line {self.number}: {column}"
+        return ScenarioError("unreadable", where=where, got=self.text(column), expected=expected)
+
+
+def _report(line: _Line, columns: Columns) -> Report | None:
+    """One line understood; None where it holds no place or time."""
+    knots = line.value(columns.speed_knots) * KNOT_MPS
+    report = Report(
+        id=line.text(columns.id),
+        time_s=line.time_s(columns.time),
+        latitude_rad=radians(line.value(columns.latitude_deg)),
+        longitude_rad=radians(line.value(columns.longitude_deg)),
+        altitude_m=line.value(columns.altitude_m),
+        speed_mps=knots if columns.speed_knots else line.value(columns.speed_mps),
+        course_rad=radians(line.value(columns.course_deg)),
     )
-
-
-def _unix_s(path: Path, number: int, name: str, text: str) -> float:
-    """Seconds of Unix time, or an ISO 8601 time, which is UTC where it names no zone."""
-    try:
-        return float(text)
-    except ValueError:
-        pass
-    try:
-        time = datetime.fromisoformat(text)
-    except ValueError:
-        raise _bad_cell(path, number, name, text, "ISO 8601 or Unix seconds") from None
-    return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
-
-
-def _bad_cell(path: Path, number: int, name: str, text: str, expected: str) -> ScenarioError:
-    return ScenarioError(
-        "unreadable cell", where=f"{path.name} line {number}: {name}", got=text, expected=expected
-    )
+    placed = isfinite(report.time_s + report.latitude_rad + report.longitude_rad)
+    return report if placed else None

@@ -187,7 +187,9 @@ def _class(
     has = {*given, *(classes[name].features if name else ())}
     for feature in feature_names(file):
         if feature not in has:
-            yield Problem(path, f"no feature {feature}", name, f"a class with {feature}")
+            yield Problem(
+                path, f"no feature {feature}", name, f"a class with it, or features.{feature}"
+            )
 
 
 def feature_names(file: ScenarioFile) -> list[str]:

@@ -16,7 +16,7 @@ from .checks import check
 from .declared import declare
 from .file import ScenarioFile, TrackFile
 from .toml_text import toml_text
-from .validation import key_of, validated
+from .validation import key_of, step_to, validated
 
 DATA_VARIABLE = "CROSSFIX_DATA"
 """Environment variable that names the folder of recorded tracks."""
@@ -169,11 +169,10 @@ def _override(tree: dict[str, Any], dotted: str, value: Any, where: str) -> None
 
 def _item(items: list[Any], step: str) -> Any:
     """The item of a list by its name or its number, None where there is none."""
-    return dict(zip(_names(items), items, strict=True)).get(step)
+    numbered = {str(n): item for n, item in enumerate(items)}
+    named = dict(zip(_names(items), items, strict=True))
+    return named.get(step, numbered.get(step))
 
 
 def _names(items: list[Any]) -> list[str]:
-    return [
-        str(item["name"] if isinstance(item, dict) and "name" in item else n)
-        for n, item in enumerate(items)
-    ]
+    return [step_to(n, item) for n, item in enumerate(items)]

@@ -16,6 +16,7 @@ from .file import ScenarioFile
 
 _AT = re.compile(r"(?P<what>.*?)(?: - at (?P<key>`key` in )?`\$(?P<path>.*)`)?", re.DOTALL)
 _STEP = re.compile(r"\.(?P<name>[^.\[]+)|\[(?P<index>\d+|\.\.\.)\]")
+_ID = re.compile(r"[a-z0-9_-]{1,32}")
 _ID_PATTERN = "matching regex '^[a-z0-9_-]{1,32}$(?!\\\\n)'"
 
 
@@ -54,9 +55,14 @@ def key_of(tree: dict[str, Any], *path: str | int) -> str:
     value: Any = tree
     for step in path:
         value = value[step]
-        named = isinstance(step, int) and isinstance(value, dict) and "name" in value
-        steps.append(str(value["name"] if named else step))
+        steps.append(step_to(step, value))
     return ".".join(steps)
+
+
+def step_to(step: str | int, value: Any) -> str:
+    """The part of a dotted key that leads to a value: of an item of a list its name, if any."""
+    name = value.get("name") if isinstance(step, int) and isinstance(value, dict) else None
+    return name if isinstance(name, str) and _ID.fullmatch(name) else str(step)
 
 
 def _explained(message: str, tree: dict[str, Any], where: str) -> ScenarioError:
@@ -73,7 +79,7 @@ def _explained(message: str, tree: dict[str, Any], where: str) -> ScenarioError:
     if missing := re.search(r"missing required field `(.*)`", what):
         return ScenarioError("missing key", where=inside + missing[1], expected="a value")
     if match and match["key"]:
-        bad = next(k for k in place.value if not re.fullmatch(r"[a-z0-9_-]{1,32}", k))
+        bad = next(k for k in place.value if not _ID.fullmatch(k))
         return ScenarioError("not a name", where=inside + bad, got=bad, expected=_wording(what))
     return ScenarioError("wrong value", where=at, got=place.value, expected=_expected(what, place))
 
