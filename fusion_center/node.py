@@ -66,6 +66,7 @@ class FusionNode:
         self._ended: Step | None = None
         self._known: set[str] = set()
         self._lost: set[str] = set()
+        self._alarmed = False
         self._news: list[str] = []
         self._acked = -1
         self._said_s = self._health_s = float("-inf")
@@ -85,6 +86,7 @@ class FusionNode:
                 self._note(sample)
             now_s = time.monotonic()
             self._mind_the_roster(now_s)
+            self._mind_the_recorder()
             while (closed := self._closing.next(now_s)) is not None:
                 self._fuse(closed)
                 self._say(now_s)
@@ -156,6 +158,13 @@ class FusionNode:
             self._lost.discard(carrier)
             self._news.append(f"carrier {carrier} has come")
             self._paced.on_joined(carrier)
+
+    def _mind_the_recorder(self) -> None:
+        error = self._recorder.error()
+        if error is not None and not self._alarmed:
+            self._alarmed = True
+            self._news.append(f"ALARM: {error}; the fusion goes on without a recording")
+            self._health_s = float("-inf")
 
     def _on_loss(self, life: Life) -> None:
         if life.process == keys.WORLD:

@@ -83,7 +83,7 @@ class Recorder:
         self._msgpack = msgspec.msgpack.Decoder(_Head)
         self._json = msgspec.json.Decoder(_Head, strict=False)
         self._clock_ns = 0
-        self._received = self._recorded = self._rejected = self._gaps = 0
+        self._received = self._rejected = self._gaps = 0
         self._statistics_s = float("-inf")
         self._finish_by_s = float("inf")
         self._expected: Mapping[StreamKey, int] = {}
@@ -111,7 +111,8 @@ class Recorder:
         """Counts for `health`."""
         return {
             "received": self._received,
-            "recorded": self._recorded,
+            "recorded": self._writer.counts.recorded,
+            "bytes": self._writer.counts.bytes,
             "rejected": self._rejected,
             "dropped": self._inbox.drops,
             "fetched": self._recovery.fetched,
@@ -137,18 +138,22 @@ class Recorder:
             self._writer.close(self._end())
         except RecordingError as error:
             self._error = error
+            self._inbox.max_bytes = 0  # from here on arrivals are only counted
             log.error("recording ended early: %s", error)
 
     def _record(self, sample: Sample) -> None:
+        """Write one sample; what cannot be recorded is counted with its reason."""
         self._received += 1
         try:
-            address = keys.parse(sample.key)
-            decoder = self._json if "json" in sample.encoding else self._msgpack
-            head = decoder.decode(sample.payload)
+            self._write(sample)
         except (WireError, msgspec.MsgspecError, UnicodeDecodeError) as error:
             self._rejected += 1
             log.warning("not recorded: %s", error)
-            return
+
+    def _write(self, sample: Sample) -> None:
+        address = keys.parse(sample.key)
+        decoder = self._json if "json" in sample.encoding else self._msgpack
+        head = decoder.decode(sample.payload)
         if not address.topic.recorded or self._is_repeated(address, head):
             return
         if address.topic is keys.STEP:
@@ -161,7 +166,6 @@ class Recorder:
             publish_time_ns=head.t_ns,
             sequence=head.seq or head.step,
         )
-        self._recorded += 1
 
     def _is_repeated(self, address: keys.Address, head: _Head) -> bool:
         seq = head.seq or head.step
@@ -194,7 +198,7 @@ class Recorder:
             Statistics(
                 t_ns=self._clock_ns,
                 received=self._received,
-                recorded=self._recorded,
+                recorded=self._writer.counts.recorded,
                 dropped=self._inbox.drops,
                 gaps=self._gaps,
             )
@@ -204,7 +208,7 @@ class Recorder:
         return RunEnd(
             reason=self._reason,
             received=self._received,
-            recorded=self._recorded,
+            recorded=self._writer.counts.recorded,
             dropped=self._inbox.drops,
             gaps=self._gaps,
         )

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from functools import cache
 from typing import Any, TypeVar
 
 import msgspec
 
 from .errors import WireError
+from .json_integers import restorer
 
 T = TypeVar("T", bound=msgspec.Struct)
 MAX_PAYLOAD_BYTES = 8 * 1024 * 1024
 _MSGPACK = msgspec.msgpack.Encoder()
-_INTEGERS = re.compile(r"(.*_ns|seq|step|steps|first|last|last_seq)")
-_DECIMAL = re.compile(r"-?[0-9]{1,19}")
 
 
 def encoding_of(message: type[msgspec.Struct], form: str = "msgpack") -> str:
@@ -57,7 +55,7 @@ def decode(message: type[T], payload: bytes, encoding: str = "") -> T:
         raise WireError("payload too large", where=message.__name__, got=len(payload))
     try:
         if "json" in encoding:
-            return msgspec.convert(_integers(msgspec.json.decode(payload)), message)
+            return msgspec.convert(restorer(message)(msgspec.json.decode(payload)), message)
         return _decoder(message).decode(payload)  # type: ignore[no-any-return]
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError, OverflowError) as error:
         raise WireError(str(error), where=message.__name__) from None
@@ -66,14 +64,3 @@ def decode(message: type[T], payload: bytes, encoding: str = "") -> T:
 @cache
 def _decoder(message: type[msgspec.Struct]) -> msgspec.msgpack.Decoder[Any]:
     return msgspec.msgpack.Decoder(message)
-
-
-def _integers(value: Any, name: str = "") -> Any:
-    """Turn decimal strings in fields that hold 64-bit integers into integers."""
-    if isinstance(value, dict):
-        return {key: _integers(item, key) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_integers(item, name) for item in value]
-    if isinstance(value, str) and _INTEGERS.fullmatch(name) and _DECIMAL.fullmatch(value):
-        return int(value)
-    return value
