@@ -1,5 +1,11 @@
 """Relative location and orientation of two carriers' frames from common targets (paper 000)."""
 
+from estimation.relative_frame.adjustment import (
+    Registration,
+    Update,
+    adjustment,
+    updated,
+)
 from estimation.relative_frame.bound import Bound, cramer_rao
 from estimation.relative_frame.closed_form import (
     Information,
@@ -8,6 +14,7 @@ from estimation.relative_frame.closed_form import (
     information,
     solve,
 )
+from estimation.relative_frame.information import OwnAxesInformation
 from estimation.relative_frame.logs import (
     OwnAxesFrame,
     PolarLogs,
@@ -16,22 +23,30 @@ from estimation.relative_frame.logs import (
     in_own_axes,
     prior_in_own_axes,
 )
+from estimation.relative_frame.motion import Motion, motion_to
 from estimation.relative_frame.observability import Direction, directions
 
 __all__ = [
     "Bound",
     "Direction",
     "Information",
+    "Motion",
     "OwnAxesFrame",
+    "OwnAxesInformation",
     "PolarLogs",
+    "Registration",
     "RelativeFrame",
     "RelativeFramePrior",
+    "Update",
+    "adjustment",
     "closed_form",
     "closed_form_dense",
     "cramer_rao",
     "directions",
     "in_own_axes",
     "information",
+    "motion_to",
     "prior_in_own_axes",
     "solve",
+    "updated",
 ]
