@@ -97,11 +97,12 @@ def _facts(summary: Summary) -> RenderableType:
 
 
 def _channels(summary: Summary) -> RenderableType:
+    from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    table = Table("channel", "role", "message")
+    table = Table("channel", "role", "message", box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("messages", justify="right")
-    table.add_column("per second", justify="right")
+    table.add_column("Hz", justify="right")
     span_s = duration_s(summary)
     for channel in summary.channels:
         table.add_row(

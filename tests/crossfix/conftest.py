@@ -52,13 +52,3 @@ def started(*arguments: str) -> Iterator[subprocess.Popen[str]]:
         if process.poll() is None:
             process.kill()
         process.communicate(timeout=DEADLINE_S)
-
-
-@pytest.fixture(scope="session")
-def hub() -> Iterator[str]:
-    """Endpoint of a hub on a free port."""
-    with started("hub", "--listen", "tcp/127.0.0.1:0") as process:
-        assert process.stdout is not None
-        ready = process.stdout.readline()
-        assert ready.startswith("listening on tcp/"), ready
-        yield ready.split()[-1]

@@ -22,7 +22,9 @@ def test_peek_prints_what_is_published(hub: str) -> None:
         assert peeking.stderr is not None
         assert "listening" in peeking.stderr.readline()
         with open_bus(hub) as bus:
-            bus.publish("crossfix/@v1/demo/navigation/alpha", b"", "", DATA)  # not of this expression
+            bus.publish(
+                "crossfix/@v1/demo/navigation/alpha", b"", "", DATA
+            )  # not of this expression
             bus.publish(KEY, msgpack.packb(message), "application/msgpack;crossfix.X", DATA)
             out, _ = peeking.communicate(timeout=DEADLINE_S)
     assert peeking.returncode == 0

@@ -1,0 +1,124 @@
+"""`crossfix verify`: is a recording whole, and does fusing it again give the same bytes?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from crossfix.verification import Comparison
+    from schemas.messages import StreamSpan
+    from schemas.recording.reader import Recording
+
+DIFFERENT = 1
+SHOWN_CHARACTERS = 200
+
+
+def verify(
+    recording: Path,
+    /,
+    *,
+    refuse: Annotated[bool, Parameter(negative="")] = False,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+) -> int:
+    """Check that a recording is whole, and that it reproduces its own outputs.
+
+    Reads everything, holds it against every checksum, and looks for each message that the fusion
+    centre says it has fused; with one of them missing nothing is fused again. Exit code 0: all is
+    well; 1: an input is missing or an output differs; 2: the recording cannot be read.
+
+    ```
+    crossfix verify recordings/strait.mcap --refuse
+    ```
+
+    Args:
+        recording: the MCAP file.
+        refuse: fuse the inputs again, in this process and without any network, and compare every
+            output byte for byte with the recorded one.
+        as_json: one JSON object instead of sentences.
+    """
+    from crossfix.verification import compare, missing_inputs
+    from schemas.recording.reader import open_recording
+
+    with open_recording(recording) as opened:
+        opened.check()
+        missing = missing_inputs(opened)
+        is_whole = not missing or opened.end is None
+        comparison = compare(opened) if refuse and is_whole else None
+        notes = _notes(opened, comparison)
+    show = _show_json if as_json else _show
+    show(recording, missing, comparison, notes)
+    return DIFFERENT if missing or (comparison and comparison.difference) else 0
+
+
+def _notes(recording: Recording, comparison: Comparison | None) -> list[str]:
+    """What one should know before one reads the verdict."""
+    from schemas.recording.fingerprint import numeric_fingerprint
+
+    notes = []
+    if recording.condition:
+        notes.append(recording.condition)
+    if recording.end is None:
+        notes.append("the recorder left no word about its end")
+    elif recording.end.dropped or recording.end.gaps:
+        notes.append(f"{recording.end.dropped} messages dropped, {recording.end.gaps} never had")
+    if comparison and comparison.beyond:
+        notes.append(f"{comparison.beyond} outputs at the torn end were not compared")
+    here, there = numeric_fingerprint(), recording.header.fingerprint
+    if comparison and comparison.difference and here != there:
+        notes.append(f"bytes are promised on equal machines only: recorded on {there}, here {here}")
+    return notes
+
+
+def _show(
+    path: Path, missing: list[StreamSpan], comparison: Comparison | None, notes: list[str]
+) -> None:
+    from rich.console import Console
+
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(f"{path}: every checksum holds")
+    for note in notes:
+        console.print(f"note: {note}", style="yellow", markup=False)
+    for span in missing:
+        console.print(f"missing input: {_named(span)}", style="red", markup=False)
+    if not missing:
+        console.print("every input that was fused is there")
+    if comparison:
+        console.print(_verdict(comparison), markup=False)
+
+
+def _verdict(comparison: Comparison) -> str:
+    difference = comparison.difference
+    if difference is None:
+        return f"fused again: {comparison.equal} outputs, all equal to the byte"
+    where = f"{difference.key}, step {difference.step}"
+    if difference.recorded is None and not difference.field:
+        return f"fused again: {where} comes out, but is not recorded"
+    if difference.fused is None and not difference.field:
+        return f"fused again: {where} is recorded, but does not come out"
+    values = f"recorded {_short(difference.recorded)}, now {_short(difference.fused)}"
+    equal = f"fused again: {comparison.equal} outputs equal"
+    return f"{equal}, then {where} differs in {difference.field}: {values}"
+
+
+def _show_json(
+    path: Path, missing: list[StreamSpan], comparison: Comparison | None, notes: list[str]
+) -> None:
+    import msgspec
+
+    facts: dict[str, Any] = {"recording": str(path), "missing": missing, "notes": notes}
+    if comparison:
+        difference = comparison.difference
+        facts |= comparison._asdict() | {"difference": difference and difference._asdict()}
+    print(msgspec.json.encode(facts).decode())
+
+
+def _named(span: StreamSpan) -> str:
+    return f"{span.carrier}, boot {span.boot}, {span.stream}, seq {span.first} to {span.last}"
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= SHOWN_CHARACTERS else f"{text[:SHOWN_CHARACTERS]} ..."

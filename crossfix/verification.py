@@ -1,0 +1,227 @@
+"""Does a recording hold all that was fused, and does fusing it again give the same bytes?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from hashlib import blake2b
+from itertools import zip_longest
+from typing import Any, NamedTuple
+
+import msgpack
+import msgspec
+
+from fusion_center.fuse import Fusible, fuse
+from schemas import codec
+from schemas.bus.ledger import Ledger, StreamKey
+from schemas.errors import RecordingError, WireError
+from schemas.keys import Role, parse
+from schemas.messages import Closed, Event, Input, Output, StreamSpan
+from schemas.recording.reader import Recording
+
+AHEAD = 500
+"""A gap that the recorder has filled stands in the file up to so many Closed messages late."""
+
+
+class Place(NamedTuple):
+    """Which output: the message `seq` of a key."""
+
+    key: str
+    seq: int
+
+
+class Difference(NamedTuple):
+    """Where a recording and its re-fusion first differ.
+
+    Attributes:
+        field: path within the message; empty where one side has no such message at all.
+        recorded, fused: what stands there; None where there is nothing.
+    """
+
+    key: str
+    step: int
+    field: str
+    recorded: Any
+    fused: Any
+
+
+class Comparison(NamedTuple):
+    """What came of fusing a recording again.
+
+    Attributes:
+        equal: outputs that came out byte for byte as recorded.
+        beyond: outputs at the torn end of an unfinished recording that have no counterpart.
+        difference: the first one, in the order of steps.
+    """
+
+    equal: int
+    beyond: int
+    difference: Difference | None
+
+
+class _Kept(NamedTuple):
+    step: int
+    digest: bytes
+
+
+class _Head(msgspec.Struct):
+    step: int
+
+
+def missing_inputs(recording: Recording) -> list[StreamSpan]:
+    """The messages that `closed/fusion` says were fused and that the recording does not hold.
+
+    Raises:
+        RecordingError: the recording is damaged.
+    """
+    ledger, ends = Ledger(), dict[StreamKey, int]()
+    closings: list[Closed] = []
+    for message in _inputs(recording):
+        if isinstance(message, Closed):
+            closings.append(message)
+            for end in message.manifest:
+                key = StreamKey(end.carrier, end.boot, end.stream)
+                ends[key] = max(end.last_seq, ends.get(key, 0))
+        elif isinstance(message, Input):
+            ledger.note(StreamKey(message.carrier, message.boot, message.stream), message.seq)
+    for key, seq in _given_up(closings):
+        ledger.give_up(key, seq, seq)
+    return [
+        StreamSpan(carrier=key.process, boot=key.boot, stream=key.stream, first=first, last=last)
+        for key, end in sorted(ends.items())
+        for first, last in ledger.missing(key, end)
+    ]
+
+
+def compare(recording: Recording) -> Comparison:
+    """Fuse the inputs of a recording again and hold the outputs against the recorded ones.
+
+    Of an unfinished recording, whose end is torn, the part that both sides have is compared.
+
+    Raises:
+        RecordingError: damaged, without outputs, or an input that was fused is not in it.
+    """
+    comparing = _Comparing(recording)
+    try:
+        for outputs in fuse(_fusibles(recording), centre=comparing.centre, ahead=AHEAD):
+            for topic, ids, message in outputs:
+                comparing.take(topic.key(recording.header.run, *ids), message)
+            if comparing.difference:
+                break
+    except RecordingError:
+        if not comparing.is_torn:
+            raise
+    return comparing.result()
+
+
+class _Comparing:
+    """The recorded outputs, as digests, taken away as the fused ones come in step order."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.difference: Difference | None = None
+        self.is_torn = recording.end is None
+        self._recording = recording
+        self._recorded: dict[Place, _Kept] = {}
+        centres = set[str]()
+        for message in recording.messages(roles=(Role.OUTPUT,)):
+            step = msgspec.msgpack.decode(message.payload, type=_Head).step
+            place = Place(message.key, message.sequence)
+            self._recorded[place] = _Kept(step, _digest(message.payload))
+            centres.add(message.address.ids["centre"])
+        if len(centres) != 1:
+            got = f"those of {', '.join(sorted(centres)) or 'nobody'}"
+            raise RecordingError("no outputs to compare", got=got, expected="one fusion centre's")
+        self.centre = centres.pop()
+        self._last_recorded = max(kept.step for kept in self._recorded.values())
+        self._last_fused = self._equal = self._beyond = 0
+
+    def take(self, key: str, fused: Output) -> None:
+        """Compare the next output; after a difference nothing more is compared."""
+        if self.difference:
+            return
+        self._last_fused = fused.step
+        kept = self._recorded.pop(Place(key, fused.seq), None)
+        payload = codec.encode(fused)
+        if kept is None and self.is_torn and fused.step >= self._last_recorded:
+            self._beyond += 1
+        elif kept is None:
+            self.difference = Difference(key, fused.step, "", None, msgpack.unpackb(payload))
+        elif kept.digest == _digest(payload):
+            self._equal += 1
+        else:
+            recorded = self._payload(Place(key, fused.seq))
+            field, was, became = first_difference(
+                msgpack.unpackb(recorded), msgpack.unpackb(payload)
+            )
+            self.difference = Difference(key, fused.step, field, was, became)
+
+    def result(self) -> Comparison:
+        """What has come of it, with what was recorded and never fused."""
+        for place, kept in sorted(self._recorded.items(), key=lambda item: item[1].step):
+            if self.difference:
+                break
+            if self.is_torn and kept.step > self._last_fused:
+                self._beyond += 1
+            else:
+                recorded = msgpack.unpackb(self._payload(place))
+                self.difference = Difference(place.key, kept.step, "", recorded, None)
+        return Comparison(self._equal, self._beyond, self.difference)
+
+    def _payload(self, place: Place) -> bytes:
+        topic = parse(place.key).topic
+        return next(
+            message.payload
+            for message in self._recording.messages(topics=(topic,))
+            if (message.key, message.sequence) == place
+        )
+
+
+def first_difference(recorded: Any, fused: Any, path: str = "") -> tuple[str, Any, Any]:
+    """Path and both values of the first field in which two unpacked messages differ.
+
+    Where all fields are equal, and only their order or the width of a number differs, the path
+    ends in `(encoding)`.
+    """
+    if isinstance(recorded, dict) and isinstance(fused, dict):
+        pairs = [(f".{name}", recorded.get(name), fused.get(name)) for name in recorded | fused]
+    elif isinstance(recorded, list) and isinstance(fused, list):
+        pairs = [(f"[{n}]", *both) for n, both in enumerate(zip_longest(recorded, fused))]
+    else:
+        return path.removeprefix("."), recorded, fused
+    for name, was, became in pairs:
+        if msgpack.packb(was) != msgpack.packb(became):
+            return first_difference(was, became, path + name)
+    return f"{path} (encoding)".strip(" ."), recorded, fused
+
+
+def _fusibles(recording: Recording) -> Iterator[Fusible]:
+    yield recording.scenario
+    for message in _inputs(recording):
+        if isinstance(message, Closed | Event | Input):
+            yield message
+
+
+def _inputs(recording: Recording) -> Iterator[msgspec.Struct]:
+    """Every readable input; what the bus has refused was never fused either."""
+    for message in recording.messages(roles=(Role.INPUT,)):
+        with suppress(WireError):
+            yield message.decode()
+
+
+def _given_up(closings: Iterable[Closed]) -> Iterator[tuple[StreamKey, int]]:
+    """What was given up and never came late either."""
+    gave_up, late = set[tuple[StreamKey, int]](), set[tuple[StreamKey, int]]()
+    for closed in closings:
+        gave_up.update(_each(closed.gave_up))
+        late.update(_each(closed.late))
+    yield from gave_up - late
+
+
+def _each(spans: Iterable[StreamSpan]) -> Iterator[tuple[StreamKey, int]]:
+    for span in spans:
+        for seq in range(span.first, span.last + 1):
+            yield StreamKey(span.carrier, span.boot, span.stream), seq
+
+
+def _digest(payload: bytes) -> bytes:
+    return blake2b(payload, digest_size=16).digest()

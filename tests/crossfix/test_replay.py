@@ -1,0 +1,112 @@
+"""`replay`: the same bytes on the same keys in the same order, at the pace asked for."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from crossfix.replaying import Pace
+from schemas import codec, keys
+from schemas.bus.interface import Bus, Inbox, Sample
+from schemas.bus.zenoh_bus import open_bus
+from tests.crossfix.conftest import Crossfix
+from tests.crossfix.small_recording import Entry, record
+
+DEADLINE_S = 20.0
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "small.mcap"
+
+
+@pytest.fixture
+def bus(hub: str) -> Iterator[Bus]:
+    with open_bus(hub) as opened:
+        yield opened
+
+
+def listen(bus: Bus, run: str) -> Inbox[Sample]:
+    inbox: Inbox[Sample] = Inbox()
+    bus.subscribe(keys.everything(run), inbox)
+    return inbox
+
+
+def arrived(inbox: Inbox[Sample], count: int) -> list[Sample]:
+    samples: list[Sample] = []
+    deadline_s = time.monotonic() + DEADLINE_S
+    while len(samples) < count and time.monotonic() < deadline_s:
+        samples += inbox.take(0.05)
+    return samples
+
+
+def expected(entries: list[Entry], run: str, *roles: keys.Role) -> list[Sample]:
+    return [
+        Sample(
+            entry.key.replace("/small/", f"/{run}/"),
+            codec.encode(entry.message),
+            codec.encoding_of(type(entry.message)),
+        )
+        for entry in entries
+        if keys.parse(entry.key).topic.role in roles
+    ]
+
+
+@pytest.mark.live
+@pytest.mark.timeout(60)
+def test_inputs_come_again_byte_for_byte_and_in_order(
+    path: Path, hub: str, bus: Bus, crossfix: Crossfix
+) -> None:
+    entries, inbox = record(path), listen(bus, "small")
+    shown = crossfix("replay", path, "--rate", "max", "--connect", hub)
+    assert shown.code == 0, shown
+    inputs = expected(entries, "small", keys.Role.INPUT)
+    assert f"{len(inputs)} messages of run small" in shown.err
+    got = arrived(inbox, len(inputs))
+    for key in {sample.key for sample in inputs}:  # order holds within a key: QoS differ
+        assert [s for s in got if s.key == key] == [s for s in inputs if s.key == key]
+
+
+@pytest.mark.live
+@pytest.mark.timeout(60)
+def test_other_roles_under_another_name(path: Path, hub: str, bus: Bus, crossfix: Crossfix) -> None:
+    entries, inbox = record(path), listen(bus, "other")
+    shown = crossfix("replay", path, "--connect", hub, "--rate=max", "--role=output", "--run=other")
+    assert shown.code == 0, shown
+    outputs = expected(entries, "other", keys.Role.OUTPUT)
+    assert sorted(arrived(inbox, len(outputs))) == sorted(outputs)
+
+
+@pytest.mark.live
+@pytest.mark.timeout(60)
+def test_it_does_not_speak_for_a_process_that_is_alive(
+    path: Path, hub: str, bus: Bus, crossfix: Crossfix
+) -> None:
+    record(path)
+    with bus.announce(keys.alive("taken", "b", "b7")):
+        shown = crossfix("replay", path, "--connect", hub, "--run", "taken")
+    assert shown.code == 2
+    assert "alive in run taken: b" in shown.err
+
+
+@pytest.mark.parametrize("rate", ["0", "-1", "nan"])
+def test_a_rate_that_is_none_is_refused(path: Path, rate: str, crossfix: Crossfix) -> None:
+    shown = crossfix("replay", path, f"--rate={rate}")
+    assert shown.code == 2
+    assert "--rate" in shown.err
+
+
+def test_a_pace_is_kept_without_drifting() -> None:
+    pace, start_s = Pace(10.0), time.monotonic()
+    for tenth in range(5):
+        pace.wait(10**18 + tenth * 10**9)
+        assert time.monotonic() - start_s >= tenth * 0.1
+    assert pace.wait(10**18) >= 0.4  # what is past is late by that much
+
+
+def test_max_never_waits() -> None:
+    pace, start_s = Pace("max"), time.monotonic()
+    for hour in range(10):
+        assert pace.wait(hour * 3600 * 10**9) == 0.0
+    assert time.monotonic() - start_s < 60
