@@ -127,7 +127,12 @@ def close(timeline: Timeline, closed: Closed) -> Timeline:
         if span.last > seen.get(_stream(span.carrier, span.boot, span.stream), 0)
     ]
     t_ns = max(timeline.t_ns, closed.t_ns)
-    return replace(timeline, t_ns=t_ns, boots=boots, seen=seen, gave_up=tuple(ahead[-SPANS_KEPT:]))
+    return Timeline(
+        t_ns=t_ns,
+        boots=dict(sorted(boots.items())),
+        seen=dict(sorted(seen.items())),
+        gave_up=tuple(ahead[-SPANS_KEPT:]),
+    )
 
 
 def ordinal(timeline: Timeline, carrier: str, boot: str) -> int:
