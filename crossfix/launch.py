@@ -14,8 +14,10 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import NoReturn
 
-from schemas.bus.entry import LAUNCHER, THREADS
+from schemas.bus.entry import THREADS
 from schemas.errors import LaunchError
+
+from .children import Nursery, Process, spawn
 
 DEFAULT_PORT = 7447
 LEAVE_S = 15.0
@@ -35,21 +37,13 @@ class Child:
     arguments: Sequence[str]
     vital: bool = False
     """The run ends with it."""
-    process: subprocess.Popen[str] = field(init=False)
+    process: Process = field(init=False)
     ended: bool = False
 
-    def start(self) -> None:
-        """Start it in a process group of its own: Ctrl-C reaches the launcher alone."""
-        environment = os.environ | {"PYTHONUNBUFFERED": "1", LAUNCHER: str(os.getpid())}
-        self.process = subprocess.Popen(  # noqa: S603 (our own modules)
-            [sys.executable, "-m", *self.arguments],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            env=environment | dict.fromkeys(THREADS, "1"),
-            start_new_session=True,
-        )
+    def start(self, nursery: Nursery) -> None:
+        """Start it: a carrier from the nursery, anything else on its own."""
+        module, *rest = self.arguments
+        self.process = nursery.start(rest) if module == "carriers" else spawn(self.arguments)
 
     def send(self, number: signal.Signals) -> None:
         """Signal it, if it still runs."""
@@ -70,6 +64,7 @@ class Launch:
     ) -> None:
         self.endpoint, self._say, self._own_hub = endpoint, say, own_hub
         self._hub = Child("hub", ["schemas.bus.hub", "--listen", endpoint])
+        self._nursery = Nursery()
         self._children: list[Child] = []
         self._readers: list[threading.Thread] = []
         self._interrupts = 0
@@ -92,7 +87,8 @@ class Launch:
     def start(self, children: Sequence[Child]) -> None:
         """Start the hub and everything else at once; clients wait for the hub by themselves."""
         self._children = list(children)
-        for child in ([self._hub] if self._own_hub else []) + self._children:
+        hub = [self._hub] if self._own_hub else []
+        for child in [*hub, *self._children]:
             self._start(child)
 
     def watch(self, turn: Callable[[], None]) -> int:
@@ -134,7 +130,7 @@ class Launch:
         return next(c.process.pid for c in [*self._children, self._hub] if c.name == name)
 
     def _start(self, child: Child) -> None:
-        child.start()
+        child.start(self._nursery)
         reader = threading.Thread(target=self._read, args=(child,), daemon=True)
         reader.start()
         self._readers.append(reader)
@@ -146,6 +142,7 @@ class Launch:
                 self._say(child.name, line.rstrip())
 
     def _join_readers(self) -> None:
+        self._nursery.close()
         for reader in self._readers:
             reader.join(timeout=1)
 

@@ -7,13 +7,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from estimation.arrays import Array, transposed
 from estimation.frames import rotation_clockwise
 from estimation.relative_frame import OwnAxesFrame
 
-from .source_logs import Sightings
+from .sightings import Sightings
 from .state import Orders
 
 Method = Literal["operator", "identity", "coordinates"]
@@ -119,6 +118,8 @@ def _by_coordinates(
             possible[i, j] = False
     cost = distance2 + np.log(spread)
     left_out = gate + np.log(spread[possible]).max(initial=0.0)
+    from scipy.optimize import linear_sum_assignment  # 0.4 s, kept out of the start
+
     chosen = linear_sum_assignment(np.where(possible, np.minimum(cost - left_out, 0.0), 0.0))
     return [
         Pair(int(free_own[i]), int(free_other[j]), "coordinates")

@@ -2,7 +2,7 @@
 
 Everything counts *report events*, registrations made because both carriers had news; how the time
 was cut into Closed messages makes no difference. What keeps a carrier from being registered at all
-(`off`, or suspended by an operator or a loss) stands above this and is decided in `pipeline`.
+(`off`, or suspended by an operator or a loss) stands above this and is decided in `links`.
 
 A registration is *good* when every direction of (q, D) is determined and its chi2 is not excessive.
 
@@ -14,8 +14,6 @@ A registration is *good* when every direction of (q, D) is determined and its ch
 """
 
 from __future__ import annotations
-
-from scipy.special import chdtri
 
 from schemas.messages import Direction
 
@@ -89,6 +87,8 @@ def _sentence(direction: Direction) -> str:
 
 def _alarm(found: Estimate, settings: MonitorSettings) -> str:
     """Why the pairs cannot be believed to agree, in words; empty when they do."""
+    from scipy.special import chdtri  # 0.1 s, kept out of the start
+
     limit = float(chdtri(found.dof, settings.chi2_false_alarm))
     if found.chi2 <= limit:
         return ""
