@@ -15,7 +15,7 @@ from . import association, monitor, registration
 from .navigation import NS, carried_sigma_m, frame_covariance, pose_at, way_m
 from .quality import Tally
 from .registration import Poses
-from .source_logs import Sightings, sightings
+from .sightings import Sightings, sightings
 from .state import CarrierState, Estimate, Link, Monitor, State
 
 Obstacle = tuple[CorrectionState, str]

@@ -10,7 +10,8 @@ from estimation.arrays import Array
 from schemas.messages import AssociatedTarget, Input, SourceQuality, SourceReport
 
 from .association import Method, Pair
-from .source_logs import Absorbed, Sightings
+from .sightings import Sightings
+from .source_logs import Absorbed
 
 _SUREST_FIRST: tuple[Method, ...] = ("operator", "identity", "coordinates")
 

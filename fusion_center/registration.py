@@ -39,7 +39,7 @@ from schemas.messages import Direction, FixedAxes, OwnAxes, Pose
 
 from .association import Pair
 from .navigation import site, symmetric, upper_triangle
-from .source_logs import Sightings
+from .sightings import Sightings
 from .state import Estimate
 
 LEAST_SIGMA_M, LEAST_SIGMA_RAD = 1e-3, 1e-7

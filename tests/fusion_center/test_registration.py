@@ -11,7 +11,7 @@ import pytest
 from estimation.consistency import mean_interval
 from estimation.frames import target_from_source, yaw_rad
 from fusion_center.registration import in_own_plane, poses
-from fusion_center.source_logs import Sightings
+from fusion_center.sightings import Sightings
 from schemas.messages import Pose, Quality
 from tests.fusion_center.scenes import (
     Scene,

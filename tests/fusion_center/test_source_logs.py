@@ -11,7 +11,8 @@ import pytest
 from estimation.arrays import Array
 from fusion_center.coordinates import Places
 from fusion_center.settings import LogSettings
-from fusion_center.source_logs import NO_LOGS, Absorbed, at_instant, sightings, with_report
+from fusion_center.sightings import at_instant, sightings
+from fusion_center.source_logs import NO_LOGS, Absorbed, with_report
 from fusion_center.state import SourceLogs
 from schemas.messages import Sector, SourceReport
 
