@@ -25,6 +25,7 @@ from estimation.relative_frame.logs import (
 )
 from estimation.relative_frame.motion import Motion, motion_to
 from estimation.relative_frame.observability import Direction, directions
+from estimation.relative_frame.robust import RobustRegistration, robust_adjustment
 
 __all__ = [
     "Bound",
@@ -37,6 +38,7 @@ __all__ = [
     "Registration",
     "RelativeFrame",
     "RelativeFramePrior",
+    "RobustRegistration",
     "Update",
     "adjustment",
     "closed_form",
@@ -47,6 +49,7 @@ __all__ = [
     "information",
     "motion_to",
     "prior_in_own_axes",
+    "robust_adjustment",
     "solve",
     "updated",
 ]

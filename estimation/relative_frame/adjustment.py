@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.arrays import Array, ArrayLike, transposed
+from estimation.arrays import Array, transposed
 from estimation.frames import wrap_pi
 from estimation.relative_frame.gauge import Gauge, gauge, gaussian
 from estimation.relative_frame.gauss_helmert import Measured, measured
@@ -75,25 +75,34 @@ def adjustment(own: PolarLogs, other: PolarLogs, prior: RelativeFramePrior) -> R
     Raises:
         ValueError: own and other differ in length.
     """
-    batch = _batch(own, other, prior.offset_m[..., 0], prior.sigma_c1_rad, prior.sigma_c2_rad)
+    batch = batch_of(own, other, prior)
     given, navigation = measured(own, other, batch), gauge(prior, batch)
-    best = _best_of(
-        given, navigation, [np.zeros((len(navigation.root), 4)), rigid_fit(given, navigation)]
-    )
-    covariance = navigation.root @ best.covariance @ transposed(navigation.root)
-    theta = navigation.theta(best.z).reshape(*batch, 4)
+    starts = [np.zeros((len(navigation.root), 4)), rigid_fit(given, navigation)]
+    return registration(_best_of(given, navigation, starts), navigation, prior, batch, own.count)
+
+
+def registration(
+    end: Solution,
+    navigation: Gauge,
+    prior: RelativeFramePrior,
+    batch: tuple[int, ...],
+    pairs: int,
+) -> Registration:
+    """The end of an iteration from navigation's prior, in both axis systems."""
+    covariance = navigation.root @ end.covariance @ transposed(navigation.root)
+    theta = navigation.theta(end.z).reshape(*batch, 4)
     fixed = RelativeFrame(
         offset_correction_m=theta[..., :2],
         c1_rad=theta[..., 2],
         c2_rad=theta[..., 3],
         covariance=covariance.reshape(*batch, 4, 4),
-        chi2=best.criterion.reshape(batch),
-        dof=2 * own.count,
-        pairs=own.count,
+        chi2=end.criterion.reshape(batch),
+        dof=2 * pairs,
+        pairs=pairs,
     )
     seen = in_own_axes(fixed, prior)
     return Registration(
-        seen._replace(D_rad=wrap_pi(seen.D_rad)), fixed, best.converged.reshape(batch)
+        seen._replace(D_rad=wrap_pi(seen.D_rad)), fixed, end.converged.reshape(batch)
     )
 
 
@@ -108,7 +117,9 @@ def updated(own: PolarLogs, other: PolarLogs, frame: OwnAxesFrame) -> Update:
     Raises:
         ValueError: own and other differ in length.
     """
-    batch = _batch(own, other, frame.D_rad)
+    batch = np.broadcast_shapes(
+        own.range_m.shape[:-1], other.range_m.shape[:-1], np.shape(frame.D_rad)
+    )
     given, before = measured(own, other, batch), gaussian(frame, batch)
     end = iterate(given, before, np.zeros((len(before.mean), 3)))
     point, _ = before.at(end.z)
@@ -175,7 +186,13 @@ def frame_of(point: Array, covariance: Array, batch: tuple[int, ...]) -> OwnAxes
     )
 
 
-def _batch(own: PolarLogs, other: PolarLogs, *more: ArrayLike) -> tuple[int, ...]:
-    """The common batch shape."""
-    shapes = [own.range_m.shape[:-1], other.range_m.shape[:-1], *map(np.shape, more)]
-    return np.broadcast_shapes(*shapes)
+def batch_of(own: PolarLogs, other: PolarLogs, prior: RelativeFramePrior) -> tuple[int, ...]:
+    """The common batch shape of the logs and the prior."""
+    return np.broadcast_shapes(
+        own.range_m.shape[:-1],
+        other.range_m.shape[:-1],
+        prior.offset_m.shape[:-1],
+        prior.offset_covariance.shape[:-2],
+        np.shape(prior.sigma_c1_rad),
+        np.shape(prior.sigma_c2_rad),
+    )

@@ -49,6 +49,12 @@ class Measured(NamedTuple):
         bearing, reach, q_bb, q_bd, q_dd = (array[:, which] for array in self[:5])
         return Measured(bearing, reach, q_bb, q_bd, q_dd, velocity)
 
+    def weighted(self, weights: Array) -> Measured:
+        """Every pair with `weights` (N, L) times its information."""
+        return self._replace(
+            q_bb=self.q_bb / weights, q_bd=self.q_bd / weights, q_dd=self.q_dd / weights
+        )
+
 
 class Linearised(NamedTuple):
     """The conditions at one point, whitened pair by pair: S = C C', rows times C^-1.
