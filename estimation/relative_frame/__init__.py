@@ -25,11 +25,22 @@ from estimation.relative_frame.logs import (
 )
 from estimation.relative_frame.motion import Motion, motion_to
 from estimation.relative_frame.observability import Direction, directions
+from estimation.relative_frame.recursion import (
+    AT_REST,
+    STEADY,
+    Drift,
+    Travel,
+    advanced,
+    predicted,
+)
 from estimation.relative_frame.robust import RobustRegistration, robust_adjustment
 
 __all__ = [
+    "AT_REST",
+    "STEADY",
     "Bound",
     "Direction",
+    "Drift",
     "Information",
     "Motion",
     "OwnAxesFrame",
@@ -39,8 +50,10 @@ __all__ = [
     "RelativeFrame",
     "RelativeFramePrior",
     "RobustRegistration",
+    "Travel",
     "Update",
     "adjustment",
+    "advanced",
     "closed_form",
     "closed_form_dense",
     "cramer_rao",
@@ -48,6 +61,7 @@ __all__ = [
     "in_own_axes",
     "information",
     "motion_to",
+    "predicted",
     "prior_in_own_axes",
     "robust_adjustment",
     "solve",
