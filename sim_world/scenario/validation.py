@@ -77,7 +77,9 @@ def _explained(message: str, tree: dict[str, Any], where: str) -> ScenarioError:
             "unknown key", where=inside + unknown[1], got=unknown[1], expected=expected
         )
     if missing := re.search(r"missing required field `(.*)`", what):
-        return ScenarioError("missing key", where=inside + missing[1], expected="a value")
+        choices = _choices(place.kind) if missing[1] == "kind" else []
+        expected = nearest("", choices) if choices else "a value"
+        return ScenarioError("missing key", where=inside + missing[1], expected=expected)
     if match and match["key"]:
         bad = next(k for k in place.value if not _ID.fullmatch(k))
         return ScenarioError("not a name", where=inside + bad, got=bad, expected=_wording(what))
@@ -87,10 +89,10 @@ def _explained(message: str, tree: dict[str, Any], where: str) -> ScenarioError:
 def _expected(what: str, place: _Place) -> str:
     if what.startswith("Expected"):
         return _wording(what)
-    choices = (
-        place.kind.values if isinstance(place.kind, inspect.LiteralType) else _tags(place.kind)
-    )
-    return nearest(str(place.value), [str(c) for c in choices]) if choices else what
+    if isinstance(place.kind, inspect.DateTimeType):
+        return "a time such as 2026-01-01T00:00:00Z"
+    choices = _choices(place.kind)
+    return nearest(str(place.value), choices) if choices else what
 
 
 def _wording(what: str) -> str:
@@ -168,6 +170,9 @@ def _known_keys(place: _Place) -> list[str]:
     return [f.encode_name for f in kind.fields] + ([kind.tag_field] if kind.tag_field else [])
 
 
-def _tags(kind: inspect.Type) -> list[str]:
+def _choices(kind: inspect.Type) -> list[str]:
+    """The words that may stand for a value of this type: literals, or the tags of a union."""
+    if isinstance(kind, inspect.LiteralType):
+        return [str(value) for value in kind.values]
     members = kind.types if isinstance(kind, inspect.UnionType) else (kind,)
-    return [str(t.tag) for t in members if isinstance(t, inspect.StructType)]
+    return [str(t.tag) for t in members if isinstance(t, inspect.StructType) and t.tag]

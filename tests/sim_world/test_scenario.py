@@ -238,6 +238,26 @@ def test_contradictions_are_refused_by_name(changes: dict[str, Any], key: str) -
     assert caught.value.where == f"test.toml: {key}"
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "expected"),
+    [
+        ("targets.ada.motion.kind", "coordinate_turn", "coordinated_turn (the nearest known)"),
+        ("carriers.own.motion.kind", "track", "one of constant_acceleration, constant_velocity"),
+        ("carriers.own.sensors.radar.coordinates", "polar", "one of bearing, bearing_range"),
+        ("time.epoch", "tomorrow", "a time such as 2026-01-01T00:00:00Z"),
+        ("carriers.own.name", "Own", "[a-z0-9_-], 1 to 32"),
+        ("time.duration_s", -1, "float > 0"),
+    ],
+)
+def test_what_is_expected_is_said_in_the_words_of_the_file(
+    key: str, value: object, expected: str
+) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        with_overrides(parse_scenario(toml_text(full())), {key: value})
+    assert caught.value.got == value
+    assert expected in caught.value.expected
+
+
 def test_text_that_is_no_toml_is_refused_with_its_line() -> None:
     with pytest.raises(ScenarioError, match=r"test\.toml.*line 2"):
         parse_scenario('name = "a"\nseed = = 1', "test.toml")
