@@ -126,7 +126,12 @@ def time_ratio(
 
 def scaled_seconds(function: Callable[[], object], repeats: int = 5) -> float:
     """`seconds`, as it would be on the machine of the demands, by a numpy kernel timed here."""
-    return seconds(function, repeats) * _KERNEL_S / seconds(_kernel, repeats)
+    return seconds(function, repeats) * scale(repeats)
+
+
+def scale(repeats: int = 5) -> float:
+    """Seconds on the machine of the demands for one second here."""
+    return _KERNEL_S / seconds(_kernel, repeats)
 
 
 def _timed(function: Callable[[], object]) -> float:

@@ -1,0 +1,139 @@
+"""The main job live: the default scenario, the same bytes under any disturbance, no leftovers."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from crossfix.commands.run import RunOptions
+from schemas.bus.entry import LAUNCHER
+from tests.live.live_run import LiveRun
+from tests.whole.recorded import outputs
+from tests.whole.refusing import refused
+
+pytestmark = pytest.mark.live
+PATROL = Path(__file__).with_name("patrol.toml")
+STRAIT = Path(__file__).parents[2] / "scenarios" / "strait.toml"
+DEADLINE_S = 120
+
+
+def crossfix(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "crossfix", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+        check=False,
+    )
+
+
+@contextmanager
+def load() -> Iterator[None]:
+    """Two processes that compute all the time."""
+    spinners = [multiprocessing.get_context("spawn").Process(target=_spin) for _ in range(2)]
+    for spinner in spinners:
+        spinner.start()
+    try:
+        yield
+    finally:
+        for spinner in spinners:
+            spinner.kill()
+            spinner.join()
+
+
+def _spin() -> None:
+    while True:
+        pass
+
+
+@contextmanager
+def slow_viewer(run: LiveRun) -> Iterator[None]:
+    script = Path(__file__).with_name("slow_viewer.py")
+    viewer = subprocess.Popen([sys.executable, str(script), run.endpoint, run.run])
+    try:
+        yield
+    finally:
+        viewer.kill()
+        viewer.wait()
+
+
+def children_of(launcher: int) -> list[str]:
+    """Command lines of processes that a launcher has started and that are still here."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            environment = (entry / "environ").read_bytes()
+            if f"{LAUNCHER}={launcher}\0".encode() in environment + b"\0":
+                found.append((entry / "cmdline").read_text())
+        except OSError:
+            continue
+    return found
+
+
+def test_the_default_scenario_brings_every_frame_far_closer(tmp_path: Path) -> None:
+    path = tmp_path / "strait.mcap"
+    done = crossfix("run", STRAIT, "--set", "time.duration_s=60", "-o", path, "--json")
+    assert done.returncode == 0, done.stderr
+    frames = json.loads(done.stdout)
+    assert [frame["carrier"] for frame in frames] == ["poniente", "siroco"]
+    for frame in frames:
+        assert frame["state"] == "applied"
+        assert frame["after_m"] < 0.1 * frame["before_m"]
+        # 30 correlated corrections of one carrier: a mean NEES of 3 wanders about that much
+        assert frame["nees"] / 3 < 3
+    assert outputs(path) == refused(path)
+
+
+def test_the_same_seed_gives_the_same_bytes_under_load_delay_and_a_slow_viewer(
+    tmp_path: Path,
+) -> None:
+    quiet, disturbed = tmp_path / "quiet.mcap", tmp_path / "disturbed.mcap"
+    with LiveRun(PATROL, quiet) as run:
+        assert run.await_end() == 0
+    with load(), LiveRun(PATROL, disturbed, RunOptions(delay=0.03)) as run, slow_viewer(run):
+        assert run.await_end() == 0
+    assert outputs(quiet) == outputs(disturbed)
+    assert outputs(quiet) == refused(quiet)
+
+
+def test_a_paced_run_refuses_to_the_same_bytes(tmp_path: Path) -> None:
+    path = tmp_path / "paced.mcap"
+    with LiveRun(PATROL, path, RunOptions(rate="20")) as run:
+        assert run.await_end() == 0
+    assert len({key for key, _ in outputs(path)}) == 3
+    assert outputs(path) == refused(path)
+
+
+@pytest.mark.parametrize(
+    "launches",
+    [pytest.param(3), pytest.param(50, marks=[pytest.mark.slow, pytest.mark.timeout(900)])],
+)
+def test_launches_in_a_row_leave_nothing_behind(tmp_path: Path, launches: int) -> None:
+    for number in range(launches):
+        with LiveRun(PATROL, tmp_path / f"{number}.mcap") as run:
+            run.await_step(1)
+            if number % 2:
+                run.launch.interrupt()
+            assert run.await_end() == 0
+    assert children_of(os.getpid()) == []
+
+
+def test_bad_input_is_refused_before_any_process_starts(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.toml"
+    bad.write_text(PATROL.read_text().replace("sigma_range_m", "sigma_range"))
+    done = crossfix("run", bad)
+    assert done.returncode == 2
+    assert "sigma_range_m" in done.stderr
+    assert "bad.toml" in done.stderr
+    assert "listening" not in done.stderr
+    assert crossfix("run", tmp_path / "absent.toml").returncode == 2
+    assert crossfix("run", PATROL, "--rate", "fast").returncode == 2
+    assert crossfix("run", PATROL, "--set", "fusion.association.gat=1").returncode == 2
