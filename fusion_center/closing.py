@@ -23,12 +23,22 @@ class Closing(Protocol):
     def give_up(self, gap: Gap) -> None:
         """A gap cannot be had."""
 
+    def on_joined(self, carrier: str) -> None:
+        """A carrier has come."""
+
+    def on_lost(self, carrier: str) -> None:
+        """A carrier is gone."""
+
     def next(self, now_s: float) -> Closed | None:
         """The next Closed if everything it names is here or given up."""
 
 
 class LockstepClosing:
-    """Fuses the world's Closed messages in their order, each when it is complete."""
+    """Fuses the world's Closed messages in their order, each when it is complete.
+
+    The world names the carriers that answer steps. Others are guests: what they have sent by then
+    is added, and whether they take part is said here.
+    """
 
     def __init__(self, scenario: DeclaredScenario, ingest: Ingest) -> None:
         self._ingest = ingest
@@ -37,6 +47,9 @@ class LockstepClosing:
         self._step = 0
         self._granted = 0
         self._gave_up: list[StreamSpan] = []
+        self._present: set[str] = set()
+        self._members: set[str] = set()
+        self._guests: set[str] = set()
 
     def on_closed(self, closed: Closed) -> None:
         """Take in what the world has closed."""
@@ -48,8 +61,19 @@ class LockstepClosing:
         del now_s
         self._granted = max(self._granted, step.step if step.ended else step.step - 1)
 
+    def on_joined(self, carrier: str) -> None:
+        """A carrier has come; a guest takes part from its first message on."""
+        self._present.add(carrier)
+
+    def on_lost(self, carrier: str) -> None:
+        """A carrier is gone."""
+        self._present.discard(carrier)
+
     def gaps(self) -> list[Gap]:
-        """The next Closed itself, or the messages it names."""
+        """The next Closed itself or the messages it names, and what guests have lost."""
+        return [*self._needed(), *self._ingest.gaps(only_stepless=True)]
+
+    def _needed(self) -> list[Gap]:
         closed = self._waiting.get(self._step + 1)
         if closed is not None:
             return self._ingest.missing(closed.manifest)
@@ -72,13 +96,25 @@ class LockstepClosing:
         del self._waiting[closed.step]
         self._step = closed.step
         others = self._ingest.ends(closed.t_ns + self._max_error_ns, only_stepless=True)
+        come, gone = self._mind_guests(closed, {end.carrier for end in others})
         gave_up, self._gave_up = self._gave_up, []
         return replace(
             closed,
             manifest=closed.manifest + others,
             gave_up=gave_up,
             late=self._ingest.late(),
+            joined=closed.joined + come,
+            lost=closed.lost + gone,
         )
+
+    def _mind_guests(self, closed: Closed, heard: set[str]) -> tuple[list[str], list[str]]:
+        """Guests that take part from this Closed on, and those that no longer do."""
+        self._members = (self._members | set(closed.joined)) - set(closed.lost)
+        self._guests -= self._members
+        come = (heard & self._present) - self._members - self._guests
+        gone = self._guests - self._present
+        self._guests = (self._guests | come) - gone
+        return sorted(come), sorted(gone)
 
 
 class PacedClosing:
@@ -102,13 +138,13 @@ class PacedClosing:
         for number in range(max(self._due_s, default=self._step) + 1, step.step + 1):
             self._due_s[number] = now_s + self._lateness_s
 
-    def on_lost(self, carrier: str) -> None:
-        """A carrier is gone."""
-        self._lost.append(carrier)
-
     def on_joined(self, carrier: str) -> None:
         """A carrier has come."""
         self._joined.append(carrier)
+
+    def on_lost(self, carrier: str) -> None:
+        """A carrier is gone."""
+        self._lost.append(carrier)
 
     def gaps(self) -> list[Gap]:
         """Every gap below a message that has come."""

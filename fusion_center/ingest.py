@@ -61,9 +61,15 @@ class Ingest:
             for first, last in self._ledger.missing(key, end.last_seq)
         ]
 
-    def gaps(self) -> list[Gap]:
-        """Every gap below a message that has come."""
-        return list(self._ledger.gaps())
+    def gaps(self, only_stepless: bool = False) -> list[Gap]:
+        """Every gap below a message that has come.
+
+        Args:
+            only_stepless: leave out what answers steps, its carrier's answer names it.
+        """
+        return [
+            gap for gap in self._ledger.gaps() if not only_stepless or self._is_before_stepless(gap)
+        ]
 
     def give_up(self, gap: Gap) -> StreamSpan:
         """Stop waiting for messages; they are named in the next Closed."""
@@ -158,6 +164,11 @@ class Ingest:
             return []
         self._bytes -= held[1]
         return [held[0]]
+
+    def _is_before_stepless(self, gap: Gap) -> bool:
+        key, _, last = gap
+        held = self._held[key].get(last + 1)
+        return held is not None and not held[0].step
 
     def _is_given_up(self, key: StreamKey, seq: int) -> bool:
         return seq <= self._ledger.through(key) and seq not in self._held[key]

@@ -157,7 +157,8 @@ class FusionNode:
             self._known.add(carrier)
             self._lost.discard(carrier)
             self._news.append(f"carrier {carrier} has come")
-            self._paced.on_joined(carrier)
+            for closing in (self._lockstep, self._paced):
+                closing.on_joined(carrier)
 
     def _mind_the_recorder(self) -> None:
         error = self._recorder.error()
@@ -174,7 +175,8 @@ class FusionNode:
         self._known.discard(life.process)
         self._lost.add(life.process)
         self._news.append(f"carrier {life.process} is lost: its liveliness token is gone")
-        self._paced.on_lost(life.process)
+        for closing in (self._lockstep, self._paced):
+            closing.on_lost(life.process)
         self._health_s = float("-inf")
 
     def _say(self, now_s: float) -> None:
