@@ -66,7 +66,7 @@ def _with_report(state: State, report: SourceReport, tally: Tally) -> State:
     found = places(report, properties, observer, settings.target_altitude_m)
     before = carrier.logs.get(report.stream, NO_LOGS)
     logs, absorbed = with_report(before, report, found, ways, settings)
-    tally.fused(report, carrier.boot, absorbed)
+    tally.fused(report, absorbed)
     carrier = replace(carrier, logs={**carrier.logs, report.stream: logs})
     if properties.coordinates != "bearing":
         carrier = replace(carrier, report_t_ns=max(carrier.report_t_ns, report.t_ns))

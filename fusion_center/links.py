@@ -75,12 +75,26 @@ def with_registrations(state: State, tally: Tally) -> State:
     """The state after every carrier has been registered with which the own one shares news."""
     views = Views(state)
     links = {
-        name: _after_news(state, name, link, views, tally)
-        if link.own_news and link.other_news
-        else link
+        name: _after_news(state, name, link, views, tally) if _is_due(state, name, link) else link
         for name, link in sorted(state.links.items())
     }
     return replace(state, links=links)
+
+
+def _is_due(state: State, name: str, link: Link) -> bool:
+    """Whether both carriers have news, and better company for the older is not about to come.
+
+    When more than half a period lies between the two reports, the next of the earlier carrier will
+    be nearer to the later one than this: extrapolation stays within half a period. One that is
+    overdue is not waited for.
+    """
+    if not (link.own_news and link.other_news):
+        return False
+    earlier, later = sorted((state.own, name), key=lambda c: state.carriers[c].report_t_ns)
+    gap_s = (state.carriers[later].report_t_ns - state.carriers[earlier].report_t_ns) * NS
+    periods_s = [s.period_s for s in state.sources(earlier).values() if s.coordinates != "bearing"]
+    period_s = min(periods_s, default=0.0)
+    return not period_s / 2 < gap_s < period_s
 
 
 def _after_news(state: State, name: str, link: Link, views: Views, tally: Tally) -> Link:

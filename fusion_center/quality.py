@@ -25,7 +25,6 @@ class _Row:
     sigma_defaults: int = 0
     nis: float = 0.0
     nis_dof: int = 0
-    reports: dict[str, None] = field(default_factory=dict)
     associated: dict[str, None] = field(default_factory=dict)
     flags: dict[str, None] = field(default_factory=dict)
 
@@ -42,14 +41,14 @@ class Tally:
     def __init__(self) -> None:
         self._rows: dict[tuple[str, str], _Row] = {}
         self._matches: dict[str, list[_Match]] = {}
+        self._seen: dict[str, dict[str, None]] = {}
 
-    def fused(self, report: SourceReport, boot: int, absorbed: Absorbed) -> None:
-        """A report whose logs have been taken in; `boot` is the ordinal of its sender's life."""
+    def fused(self, report: SourceReport, absorbed: Absorbed) -> None:
+        """A report whose logs have been taken in."""
         row = self._row(report.carrier, report.stream)
         row.logs += absorbed.logs
         row.late += absorbed.superseded
         row.sigma_defaults += absorbed.sigma_defaults
-        row.reports[f"{report.carrier}/{boot}/{report.stream}/{report.seq}"] = None
         for name in absorbed.claimed_twice:
             row.flags[f"two logs claim {name}: not paired"] = None
         if absorbed.without_sigma:
@@ -85,6 +84,9 @@ class Tally:
         self._matches[carriers[1]] = [
             _Match(own.log[pair.own], other.log[pair.other], pair.method) for pair in pairs
         ]
+        for carrier, logs in zip(carriers, (own, other), strict=True):
+            fresh = (log for log, is_fresh in zip(logs.log, logs.fresh, strict=True) if is_fresh)
+            self._seen[carrier] = dict.fromkeys(fresh)
         misclosures = nis.tolist()
         self._note(carriers[0], own, [pair.own for pair in pairs], misclosures)
         self._note(carriers[1], other, [pair.other for pair in pairs], misclosures)
@@ -95,7 +97,7 @@ class Tally:
             row = self._row(carrier, logs.source[i])
             row.nis += squared
             row.nis_dof += 2
-            if logs.log[i].rpartition("/")[0] in row.reports:
+            if logs.fresh[i]:
                 row.associated[logs.log[i]] = None
 
     def sources(self) -> list[SourceQuality]:
@@ -127,12 +129,12 @@ class Tally:
         ]
 
     def alone(self) -> dict[str, int]:
-        """Logs of this Closed, by carrier, without a partner."""
-        alone: dict[str, int] = {}
-        for (carrier, _), row in sorted(self._rows.items(), key=lambda item: item[0]):
-            if row.reports:
-                alone[carrier] = alone.get(carrier, 0) + row.logs - len(row.associated)
-        return alone
+        """Logs without a partner, by carrier, among the fresh ones of its last registration."""
+        paired = {log for found in self._matches.values() for m in found for log in m[:2]}
+        return {
+            carrier: sum(log not in paired for log in self._seen[carrier])
+            for carrier in sorted(self._seen)
+        }
 
     def _row(self, carrier: str, stream: str) -> _Row:
         if (carrier, stream) not in self._rows:

@@ -23,6 +23,7 @@ class Sightings:
 
     Attributes:
         log, source: id of the newest log behind each, and the source that brought it.
+        fresh: whether that log is of the newest report of its source.
         identity, track: kind/name others see too; carrier/source/track_id; either may be empty.
         east_north_m: (n, 2) from the carrier's reported position, in its believed axes.
         covariance: (n, 2, 2) [m^2].
@@ -31,6 +32,7 @@ class Sightings:
 
     log: tuple[str, ...]
     source: tuple[str, ...]
+    fresh: tuple[bool, ...]
     identity: tuple[str, ...]
     track: tuple[str, ...]
     east_north_m: Array
@@ -88,6 +90,7 @@ def sightings(
     return Sightings(
         log=tuple(name for s in seen for name in s.log_ids()),
         source=tuple(s.source for s in seen for _ in s.which),
+        fresh=tuple(f for s in seen for f in (s.logs.seq[s.which] == s.logs.report_seq).tolist()),
         identity=tuple(s.logs.identity[i] for s in seen for i in s.which),
         track=tuple(name for s in seen for name in s.tracks()),
         east_north_m=np.concatenate([np.zeros((0, 2)), *(s.place_m for s in seen)]) - way_m,

@@ -39,6 +39,7 @@ class Absorbed(NamedTuple):
 
 
 NO_LOGS = SourceLogs(
+    report_seq=0,
     key=(),
     identity=(),
     track=(),
@@ -168,6 +169,7 @@ def _merged(
 
     most = settings.max_per_source
     return SourceLogs(
+        report_seq=fresh.seq,
         key=_joined(fresh.key, used, logs.key, kept)[:most],
         identity=_joined(fresh.identity, used, logs.identity, kept)[:most],
         track=_joined(fresh.track, used, logs.track, kept)[:most],

@@ -65,6 +65,7 @@ class SourceLogs(Struct, frozen=True, kw_only=True, eq=False):
     unknown drift, which the way takes out again.
 
     Attributes:
+        report_seq: of the newest report, which may have held nothing.
         key: names the target within the source; empty for a plot without any name.
         identity, track: kind/name that others see too; the source's own name; either may be empty.
         seq, index: of the newest log.
@@ -74,6 +75,7 @@ class SourceLogs(Struct, frozen=True, kw_only=True, eq=False):
         altitude_m: (n,) above the ellipsoid.
     """
 
+    report_seq: int
     key: tuple[str, ...]
     identity: tuple[str, ...]
     track: tuple[str, ...]

@@ -33,6 +33,7 @@ def seen(
     return Sightings(
         log=tuple(f"{carrier}/1/radar/1/{i}" for i in range(n)),
         source=("radar",) * n,
+        fresh=(True,) * n,
         identity=tuple(identity or [""] * n),
         track=tuple(f"{carrier}/radar/t{i}" for i in range(n)),
         east_north_m=places,

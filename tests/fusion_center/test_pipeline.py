@@ -244,3 +244,30 @@ def test_old_navigation_suspends() -> None:
     _, outputs = pipeline.step(state, Closed(step=5, t_ns=stamp(50)), [])
     assert correction(outputs).state == "suspended"
     assert correction(outputs).reason == "the navigation of a is 46 s old"
+
+
+# when
+
+
+def test_reports_that_alternate_pair_with_the_nearer_neighbour() -> None:
+    """Ship b looks 0.7 s before a: its next report, 0.3 s after that of a, is the better company."""
+    scene = two_ships(8)
+    a, b = scene.ships
+    scene = replace(scene, ships=(a, replace(b, looks_before_s=0.7)))
+    _, outputs = scene.run(4, np.random.default_rng(1))
+    found = [correction(out) for out in outputs]
+    assert found[0].own_axes is None
+    assert [c.valid_t_ns for c in found[1:]] == [stamp(step - 0.7) for step in (2, 3, 4)]
+
+
+def test_a_report_that_is_overdue_is_not_waited_for() -> None:
+    """b looks once, 0.7 s before a, and never again: at 1 s its next is awaited, at 2 s no more."""
+    scene = two_ships(8)
+    a, b = scene.ships
+    scene = replace(scene, ships=(a, replace(b, looks_before_s=0.7)))
+    state, reasons = scene.initial(), []
+    for step in (1, 2):
+        messages = [m for m in scene.said(step) if m.carrier == "a" or step == 1]
+        state, outputs = pipeline.step(state, closed(step, messages), messages)
+        reasons.append(correction(outputs).reason)
+    assert reasons == ["nothing to compare yet", "no pair of logs"]  # too old to be carried on

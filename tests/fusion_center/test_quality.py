@@ -32,19 +32,19 @@ def test_quality_counts_every_source() -> None:
     assert quality(outputs[0]).messages == 6
 
 
-def test_logs_of_an_earlier_closed_count_where_they_were_fused() -> None:
+def test_logs_are_associated_in_the_closed_of_their_registration() -> None:
     scene = two_ships(8)
     a, b = scene.ships
     first = [scene.info(a), scene.info(b), scene.navigation(a, 1), scene.report(a, 1)]
     state, outputs = pipeline.step(scene.initial(), closed(1, first), first)
-    assert association(outputs).alone == {"a": 8}
+    assert association(outputs).alone == {}
     second: list[Input] = [scene.navigation(b, 1), scene.report(b, 1)]
     _, outputs = pipeline.step(state, closed(2, second), second)
     assert correction(outputs).pairs == 8
     own, other = of_radar(outputs, "a"), of_radar(outputs, "b")
-    assert (own.logs, own.associated, own.nis_dof) == (0, 0, 16)
+    assert (own.logs, own.associated, own.nis_dof) == (0, 8, 16)
     assert (other.logs, other.associated, other.nis_dof) == (8, 8, 16)
-    assert association(outputs).alone == {"b": 0}
+    assert association(outputs).alone == {"a": 0, "b": 0}
 
 
 def test_geodetic_logs_of_several_instants_are_placed_from_a_moving_carrier() -> None:

@@ -72,8 +72,8 @@ def test_covariances_turn_with_their_places() -> None:
     points = rng.multivariate_normal([3000.0, 9000.0], covariance, 20_000)
     n = len(points)
     names = ("",) * n
-    seen = Sightings(names, names, names, names, points, np.tile(covariance, (n, 1, 1)),
-                     np.zeros(n))  # fmt: skip
+    copies = np.tile(covariance, (n, 1, 1))
+    seen = Sightings(names, names, (True,) * n, names, names, points, copies, np.zeros(n))
     turned = in_own_plane(seen, between)
     whitened = np.linalg.solve(turned.covariance[0], np.cov(turned.east_north_m.T))
     np.testing.assert_allclose(whitened, np.eye(2), atol=0.05)
