@@ -14,6 +14,7 @@ from estimation.relative_frame.closed_form import (
     information,
     solve,
 )
+from estimation.relative_frame.consider import Positions, corrected, fused, positions
 from estimation.relative_frame.information import OwnAxesInformation
 from estimation.relative_frame.logs import (
     OwnAxesFrame,
@@ -34,6 +35,18 @@ from estimation.relative_frame.recursion import (
     predicted,
 )
 from estimation.relative_frame.robust import RobustRegistration, robust_adjustment
+from estimation.relative_frame.tracks import (
+    Increment,
+    MotionModel,
+    Reuse,
+    TrackLog,
+    as_plots,
+    equivalent_measurement,
+    memory_s,
+    plots_of_tracks,
+    reuse,
+    thinned,
+)
 
 __all__ = [
     "AT_REST",
@@ -41,29 +54,43 @@ __all__ = [
     "Bound",
     "Direction",
     "Drift",
+    "Increment",
     "Information",
     "Motion",
+    "MotionModel",
     "OwnAxesFrame",
     "OwnAxesInformation",
     "PolarLogs",
+    "Positions",
     "Registration",
     "RelativeFrame",
     "RelativeFramePrior",
+    "Reuse",
     "RobustRegistration",
+    "TrackLog",
     "Travel",
     "Update",
     "adjustment",
     "advanced",
+    "as_plots",
     "closed_form",
     "closed_form_dense",
+    "corrected",
     "cramer_rao",
     "directions",
+    "equivalent_measurement",
+    "fused",
     "in_own_axes",
     "information",
+    "memory_s",
     "motion_to",
+    "plots_of_tracks",
+    "positions",
     "predicted",
     "prior_in_own_axes",
+    "reuse",
     "robust_adjustment",
     "solve",
+    "thinned",
     "updated",
 ]
