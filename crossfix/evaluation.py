@@ -82,7 +82,10 @@ class TrueFrame(NamedTuple):
 def frame_errors(
     scenario: DeclaredScenario, own: str, messages: Iterable[TruthCarriers | Correction]
 ) -> dict[str, list[FrameError]]:
-    """Error of every correction that says something, by carrier, in order."""
+    """Error of every correction that says something, by carrier, in order.
+
+    A publisher from outside is not in the truth: nobody knows its errors.
+    """
     truths: list[TruthCarriers] = []
     errors: dict[str, list[FrameError]] = defaultdict(list)
     origin = Site(*(getattr(scenario.origin, name) for name in scenario.origin.__struct_fields__))
@@ -91,7 +94,9 @@ def frame_errors(
             insort(truths, message, key=_time)
         elif message.own_axes and truths:
             truth = truths[max(0, bisect_right(truths, message.valid_t_ns, key=_time) - 1)]
-            errors[message.carrier].append(_error(origin, own, truth, message, message.own_axes))
+            if message.carrier in truth.carrier:
+                error = _error(origin, own, truth, message, message.own_axes)
+                errors[message.carrier].append(error)
     return dict(errors)
 
 
