@@ -25,23 +25,29 @@ class _Row:
     sigma_defaults: int = 0
     nis: float = 0.0
     nis_dof: int = 0
-    associated: dict[str, None] = field(default_factory=dict)
+    associated: set[str] = field(default_factory=set)
     flags: dict[str, None] = field(default_factory=dict)
 
 
 class _Match(NamedTuple):
-    own: str
-    other: str
+    target: str
+    own_log: str
+    other_log: str
     method: Method
 
 
 class Tally:
-    """Grows while a Closed is fused, and is read when its outputs are made."""
+    """Grows while a Closed is fused, and is read when its outputs are made.
+
+    A log is paired in the Closed of its registration, which may be the one after it was fused, and
+    several registrations may meet different logs of one target: targets are counted, not logs.
+    """
 
     def __init__(self) -> None:
         self._rows: dict[tuple[str, str], _Row] = {}
         self._matches: dict[str, list[_Match]] = {}
-        self._seen: dict[str, dict[str, None]] = {}
+        self._seen: dict[str, tuple[str, ...]] = {}
+        self._paired: dict[str, set[str]] = {}
 
     def fused(self, report: SourceReport, absorbed: Absorbed) -> None:
         """A report whose logs have been taken in."""
@@ -81,12 +87,13 @@ class Tally:
         nis: Array,
     ) -> None:
         """The pairs of one registration of (own, other) and their misclosures (L,)."""
+        self._matches.pop(carriers[1], None)  # the order is that of the last registrations
         self._matches[carriers[1]] = [
-            _Match(own.log[pair.own], other.log[pair.other], pair.method) for pair in pairs
+            _Match(own.target(p.own), own.log[p.own], other.log[p.other], p.method) for p in pairs
         ]
         for carrier, logs in zip(carriers, (own, other), strict=True):
-            fresh = (log for log, is_fresh in zip(logs.log, logs.fresh, strict=True) if is_fresh)
-            self._seen[carrier] = dict.fromkeys(fresh)
+            fresh = (i for i, is_fresh in enumerate(logs.fresh) if is_fresh)
+            self._seen[carrier] = tuple(logs.target(i) for i in fresh)
         misclosures = nis.tolist()
         self._note(carriers[0], own, [pair.own for pair in pairs], misclosures)
         self._note(carriers[1], other, [pair.other for pair in pairs], misclosures)
@@ -97,8 +104,9 @@ class Tally:
             row = self._row(carrier, logs.source[i])
             row.nis += squared
             row.nis_dof += 2
+            self._paired.setdefault(carrier, set()).add(logs.target(i))
             if logs.fresh[i]:
-                row.associated[logs.log[i]] = None
+                row.associated.add(logs.target(i))
 
     def sources(self) -> list[SourceQuality]:
         """Every stream that had anything to count."""
@@ -118,22 +126,25 @@ class Tally:
         ]
 
     def targets(self) -> list[AssociatedTarget]:
-        """Logs by target: each own log with its partners in the last registration of each."""
-        by_own: dict[str, list[_Match]] = {}
-        for name in sorted(self._matches):
-            for match in self._matches[name]:
-                by_own.setdefault(match.own, []).append(match)
-        return [
-            AssociatedTarget(logs=[own, *(m.other for m in found)], method=_least_sure(found))
-            for own, found in sorted(by_own.items())
+        """Targets of the own carrier: its newest log, and its partner in each registration."""
+        by_target: dict[str, list[_Match]] = {}
+        for matches in self._matches.values():
+            for match in matches:
+                by_target.setdefault(match.target, []).append(match)
+        targets = [
+            AssociatedTarget(
+                logs=[found[-1].own_log, *sorted(match.other_log for match in found)],
+                method=_least_sure(found),
+            )
+            for found in by_target.values()
         ]
+        return sorted(targets, key=lambda target: target.logs)
 
     def alone(self) -> dict[str, int]:
-        """Logs without a partner, by carrier, among the fresh ones of its last registration."""
-        paired = {log for found in self._matches.values() for m in found for log in m[:2]}
+        """Targets without a partner, by carrier, in the report of its last registration."""
         return {
-            carrier: sum(log not in paired for log in self._seen[carrier])
-            for carrier in sorted(self._seen)
+            carrier: sum(target not in self._paired.get(carrier, ()) for target in seen)
+            for carrier, seen in sorted(self._seen.items())
         }
 
     def _row(self, carrier: str, stream: str) -> _Row:

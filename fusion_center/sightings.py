@@ -39,6 +39,10 @@ class Sightings:
     covariance: Array
     altitude_m: Array
 
+    def target(self, i: int) -> str:
+        """What the i-th is called within its carrier, the same from log to log if it has a name."""
+        return self.identity[i] or self.track[i] or self.log[i]
+
 
 def at_instant(
     logs: SourceLogs, t_ns: int, settings: LogSettings

@@ -250,7 +250,7 @@ def test_old_navigation_suspends() -> None:
 
 
 def test_reports_that_alternate_pair_with_the_nearer_neighbour() -> None:
-    """Ship b looks 0.7 s before a: its next report, 0.3 s after that of a, is the better company."""
+    """Ship b looks 0.7 s before a: its next report, 0.3 s after a's, is the better company."""
     scene = two_ships(8)
     a, b = scene.ships
     scene = replace(scene, ships=(a, replace(b, looks_before_s=0.7)))

@@ -151,3 +151,19 @@ def test_slow_sources_repeat_the_last_correction_between_reports() -> None:
     assert found[0].own_axes == found[2].own_axes
     assert found[2].own_axes != found[3].own_axes
     assert [c.reason[-12:] for c in found[:3]] == ["of 3 reports"] * 3
+
+
+def test_targets_are_counted_once_however_many_registrations_meet_them() -> None:
+    """b is paired with the log of a before it, c with the one after it, in one Closed."""
+    scene = two_ships(5)
+    a, b = scene.ships
+    c = Ship("c", at_m=(-7000.0, 5000.0), looks_before_s=0.3)
+    scene = replace(scene, ships=(a, replace(b, looks_before_s=0.7), c))
+    _, outputs = scene.run(3, np.random.default_rng(1))
+    assert correction(outputs[-1], "b").valid_t_ns == stamp(2.3)
+    assert correction(outputs[-1], "c").valid_t_ns == stamp(3)
+    assert [target.logs for target in association(outputs[-1]).targets] == [
+        [f"a/1/radar/3/{i}", f"b/1/radar/3/{i}", f"c/1/radar/3/{i}"] for i in range(5)
+    ]
+    assert [of_radar(outputs[-1], name).associated for name in "abc"] == [5, 5, 5]
+    assert association(outputs[-1]).alone == {"a": 0, "b": 0, "c": 0}
