@@ -29,6 +29,7 @@ _WIDE_RAD = np.radians(12.0)  # sigma of D beyond which places cannot be lineari
 _FLAT_RAD = 1.0  # sigma of D beyond which every heading is as likely
 _ANY_HEADING_RAD = np.pi / np.sqrt(3)  # the sigma of a heading of which nothing is known
 _FLAT_VARIANCE = 1e6  # of D in the fit when every heading is as likely
+_OF_NOTE = 1e-3  # probability of a mode whose frame is worth refining
 _GATE_OF_FRAMES = 25.0  # chi-squared of 3
 _LEAST = np.diag([1e-3, 1e-3, 1e-7]) ** 2  # a prior is never surer: it must have an inverse
 
@@ -78,7 +79,7 @@ class Acquisition(NamedTuple):
 
     Attributes:
         modes: the most probable first; may be empty.
-        nothing_probability: that none of the modes is true.
+        nothing_probability: that no mode is true, for want of a common target.
         status: acquired: one mode is trusted and determines every direction of (q, D), the only
             one to be acted upon; undetermined: trusted but leaves a direction to the prior;
             ambiguous: no mode is trusted; nothing: that no log is common is the likeliest.
@@ -202,7 +203,7 @@ def _judged(setting: Setting, tries: Frames, settings: Settings) -> Acquisition:
 
 def _mode(setting: Setting, found: Candidate, probability: float) -> Mode:
     """A candidate as it is told."""
-    frame = refined(setting, found)
+    frame = refined(setting, found) if probability > _OF_NOTE else found.frame
     t = OwnAxesFrame(frame.t[0, :2], wrap_pi(frame.t[0, 2]), frame.covariance[0])
     return Mode(*found.pairs, found.pair_probability, t, probability)
 

@@ -49,7 +49,10 @@ def with_covariance_along_own(other: Side, turn_rad: float) -> Side:
 
     In a search D changes by its prior sigma at most, which does not change S; places it changes.
     """
-    turn = np.kron(np.eye(other.state.shape[-1] // 2), rotation_clockwise(turn_rad))
+    parts = other.state.shape[-1]
+    turn = np.zeros((parts, parts))
+    for at in range(0, parts, 2):
+        turn[at : at + 2, at : at + 2] = rotation_clockwise(turn_rad)
     return Side(other.state, turn @ other.covariance @ turn.T, other.moving)
 
 

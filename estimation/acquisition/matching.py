@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from estimation.acquisition.problem import Indices
 from estimation.arrays import Array
 
-_PASSES = 30
+_PASSES, _SETTLED = 30, 1e-6
 _LARGEST = 300.0  # of a log ratio, so that its exponential is finite
 
 
@@ -49,7 +49,9 @@ def all_assignments(log_ratio: Array) -> tuple[float, Array]:
     for _ in range(_PASSES):
         weighed = psi * nu
         mu = psi / (1.0 + weighed.sum(axis=1, keepdims=True) - weighed)
-        nu = 1.0 / (1.0 + mu.sum(axis=0, keepdims=True) - mu)
+        before, nu = nu, 1.0 / (1.0 + mu.sum(axis=0, keepdims=True) - mu)
+        if np.abs(nu - before).max() < _SETTLED:
+            break
     weighed = psi * nu
     rows = 1.0 + weighed.sum(axis=1)
     total = np.log(rows).sum() + np.log1p(mu.sum(axis=0)).sum() - np.log1p(mu * nu).sum()

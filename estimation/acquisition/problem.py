@@ -201,10 +201,10 @@ def area_of(own: Side, other: Side) -> float:
     """Area [m^2] on which logs of both carriers lie, as their spread has it.
 
     Few logs tell little of their spread: each side is joined by four imagined logs at its carrier's
-    mean range, north, east, south and west of it.
+    mean range, north, east, south and west of it. The smaller area counts: it makes pairs doubted.
     """
-    areas = [_AREA_BY_SPREAD * _spread(side) for side in (own, other) if side.count]
-    return float(np.mean(areas)) if areas else 1.0
+    areas = [_AREA_BY_SPREAD * _spread(side) for side in (own, other)]
+    return float(min(areas))
 
 
 def _spread(side: Side) -> float:
