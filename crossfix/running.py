@@ -53,11 +53,14 @@ def carry_out(path: Path, options: RunOptions) -> int:
 
 def _checked(path: Path, options: RunOptions) -> DeclaredScenario:
     """Everything a user can get wrong is found here, before a process is started."""
+    from fusion_center import pipeline
     from fusion_center.settings import settings_from
+    from sim_world.world import World
 
     overrides = dict(parse_override(text) for text in _overrides(options))
     scenario = load_scenario(path, overrides, options.data)
-    settings_from(scenario.declared.fusion)
+    pipeline.initial(scenario.declared, settings_from(scenario.declared.fusion))
+    World(scenario)  # reads recorded tracks, if there are any
     if options.rate != "max":
         _positive(options.rate)
     if options.output and options.output.exists():

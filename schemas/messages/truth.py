@@ -23,7 +23,7 @@ class TruthTargets(Struct, frozen=True, kw_only=True, omit_defaults=True):
     Between steps sensors extrapolate with velocity and acceleration.
 
     Attributes:
-        number: index of a target in the scenario, the key of its random draws.
+        number: stable number of a target, the key of its random draws; no index.
         position_m, velocity_mps, acceleration_mps2: (east, north, up) each.
         identity: name every carrier can see, or empty.
         features: name -> value of each target.
