@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from math import degrees, isnan
+from collections.abc import Callable
+from math import degrees, isnan, nan
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
@@ -62,21 +63,27 @@ def _print(summaries: list[FrameSummary]) -> None:
     )
     for heading in ("carrier", "error of"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("before", "after", "sigma", "NEES/dim"):
+    for heading in ("before", "after", "ratio", "sigma", "NEES/dim"):
         table.add_column(heading, justify="right", no_wrap=True)
     for s in summaries:
-        place, fixed = (s.before_m, s.after_m, s.sigma_m), (s.fixed_before_m, s.fixed_after_m)
-        north = (s.before_rad, s.after_rad, s.sigma_rad)
+        place = _change(s.before_m, s.after_m, _metres)
+        fixed = _change(s.fixed_before_m, s.fixed_after_m, _metres)
+        north = _change(s.before_rad, s.after_rad, _degrees)
         nees = _number(s.nees / 3, ".2f")
-        table.add_row(s.carrier, "place, own axes", *map(_metres, place), nees)
-        table.add_row(s.state, "place, fixed axes", *map(_metres, fixed))
+        table.add_row(s.carrier, "place, own axes", *place, _metres(s.sigma_m), nees)
+        table.add_row(s.state, "place, fixed axes", *fixed)
         targets = _number(s.pairs, ".1f", " targets")
-        table.add_row(targets, "north", *map(_degrees, north), end_section=True)
+        table.add_row(targets, "north", *north, _degrees(s.sigma_rad), end_section=True)
     console = Console()
     console.print(table, highlight=False)
     for s in summaries:
         if s.reason:
             console.print(f"{s.carrier}: {s.reason}", highlight=False)
+
+
+def _change(before: float, after: float, told: Callable[[float], str]) -> tuple[str, str, str]:
+    ratio = after / before if before else nan
+    return told(before), told(after), _number(ratio, ".3f")
 
 
 def _metres(metres: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
@@ -38,7 +39,14 @@ def _run(options: Namespace) -> int:
                 recorder_member, options.output, options.max_loss, options.start_timeout
             )
             settings = settings_from(scenario.fusion)
-            node = FusionNode(member, scenario, settings, recorder, lateness_s=options.lateness)
+            node = FusionNode(
+                member,
+                scenario,
+                settings,
+                recorder,
+                lateness_s=options.lateness,
+                delay=lambda: time.sleep(options.delay),
+            )
             on_signal(lambda: node.stop("interrupted"))
             node.run()
             if recorder.error():
@@ -56,6 +64,7 @@ def _options() -> Namespace:
     parser.add_argument("--output", type=Path, required=True, help="recording to write")
     parser.add_argument("--max-loss", type=float, default=0.25, help="seconds a crash may cost")
     parser.add_argument("--lateness", type=float, default=0.2, help="seconds a paced step waits")
+    parser.add_argument("--delay", type=float, default=0.0, help="seconds to waste in each step")
     parser.add_argument("--start-timeout", type=float, default=30.0, help="seconds")
     return parser.parse_args()
 

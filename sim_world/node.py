@@ -25,6 +25,7 @@ WINDOW = 8
 RESEND_S = 0.25
 PUMP_S = 0.02
 LEAVE_S = 30.0
+"""How long the fusion centre may go on without fusing anything more after the end."""
 
 
 class Pace(NamedTuple):
@@ -172,7 +173,10 @@ class WorldNode:
         self._current = replace(self._current, step=closed, ended=reason)
         self._say()
         self._stop = ""
-        self._wait(lambda: not self._roster.has(keys.FUSION), LEAVE_S)
+        fused = -1
+        while self._roster.has(keys.FUSION) and self._fused() > fused:
+            fused = self._fused()
+            self._wait(lambda: not self._roster.has(keys.FUSION), LEAVE_S)
 
     def _join(self) -> None:
         """Let everyone in who has said to be ready since the last step."""
