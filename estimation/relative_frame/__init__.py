@@ -25,6 +25,12 @@ from estimation.relative_frame.logs import (
     prior_in_own_axes,
 )
 from estimation.relative_frame.motion import Motion, motion_to
+from estimation.relative_frame.network import (
+    NetworkFrames,
+    NetworkLogs,
+    NetworkPrior,
+    network_adjustment,
+)
 from estimation.relative_frame.observability import Direction, directions
 from estimation.relative_frame.recursion import (
     AT_REST,
@@ -58,6 +64,9 @@ __all__ = [
     "Information",
     "Motion",
     "MotionModel",
+    "NetworkFrames",
+    "NetworkLogs",
+    "NetworkPrior",
     "OwnAxesFrame",
     "OwnAxesInformation",
     "PolarLogs",
@@ -84,6 +93,7 @@ __all__ = [
     "information",
     "memory_s",
     "motion_to",
+    "network_adjustment",
     "plots_of_tracks",
     "positions",
     "predicted",
