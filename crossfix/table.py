@@ -60,6 +60,8 @@ def _print(summaries: list[FrameSummary]) -> None:
         caption=NOTE,
         caption_justify="left",
         box=SIMPLE_HEAD,
+        padding=(0, 0, 0, 1),
+        pad_edge=False,
     )
     for heading in ("carrier", "error of"):
         table.add_column(heading, no_wrap=True)
