@@ -192,7 +192,8 @@ def _judged(setting: Setting, tries: Frames, settings: Settings) -> Acquisition:
     """Polish every try, weigh the modes they end in against each other and against nothing."""
     ends = (polished(setting, tries.take(np.array([k]))) for k in range(len(tries.t)))
     found = [c for c in apart(list(ends)) if c.pairs.own.size]
-    evidence = np.array([0.0, *(c.log_evidence for c in found)])
+    nothing = -np.inf if setting.given.bound.size else 0.0  # a bound pair is not nothing
+    evidence = np.array([nothing, *(c.log_evidence for c in found)])
     chance = np.exp(evidence - evidence.max())
     chance /= chance.sum()
     modes = tuple(_mode(setting, c, float(p)) for c, p in zip(found, chance[1:], strict=True))
@@ -203,9 +204,10 @@ def _judged(setting: Setting, tries: Frames, settings: Settings) -> Acquisition:
 
 def _mode(setting: Setting, found: Candidate, probability: float) -> Mode:
     """A candidate as it is told."""
-    frame = refined(setting, found) if probability > _OF_NOTE else found.frame
-    t = OwnAxesFrame(frame.t[0, :2], wrap_pi(frame.t[0, 2]), frame.covariance[0])
-    return Mode(*found.pairs, found.pair_probability, t, probability)
+    told = refined(setting, found) if probability > _OF_NOTE else found
+    t, covariance = told.frame.t[0], told.frame.covariance[0]
+    frame = OwnAxesFrame(t[:2], wrap_pi(t[2]), covariance)
+    return Mode(*told.pairs, told.pair_probability, frame, probability)
 
 
 def _status(

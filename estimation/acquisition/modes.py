@@ -25,6 +25,7 @@ from estimation.acquisition.sharing import Sharing
 from estimation.arrays import Array
 
 _ROUNDS, _REFINEMENTS = 8, 3
+_TOLD = 0.3  # probability of a pair below which it is not told of: rather a doubtful pair than none
 _APART = 16.0  # chi-squared of 3 beyond which two frames are two modes
 
 
@@ -94,12 +95,21 @@ def polished(setting: Setting, start: Frames) -> Candidate:
     return _weighed(setting, frame, pairs)
 
 
-def refined(setting: Setting, found: Candidate) -> Frames:
-    """The frame of a mode with every pair by its probability."""
+def refined(setting: Setting, found: Candidate) -> Candidate:
+    """A mode with its frame by every pair's probability, and then the pairs that are probable.
+
+    The pairs are those with which one is right most often, which in a crowd are not those of the
+    likeliest assignment.
+    """
     frame, worth = found.frame, setting.sharing.worth(found.pairs.own.size)
+    probability = _chances(setting, frame, worth)[1]
     for _ in range(_REFINEMENTS):
-        frame = weighed_fit(setting.given, setting.prior, frame, _chances(setting, frame, worth)[1])
-    return frame
+        frame = weighed_fit(setting.given, setting.prior, frame, probability)
+        probability = _chances(setting, frame, worth)[1]
+    told = np.where(probability > _TOLD, probability, 0.0)
+    pairs = best_assignment(told, setting.given.bound)
+    pairs = pairs if pairs.own.size else found.pairs
+    return Candidate(pairs, frame, found.log_evidence, probability[pairs.own, pairs.other])
 
 
 def _same(one: Pairs, other: Pairs) -> bool:
