@@ -20,13 +20,16 @@ Fusible = Input | Event | Closed | DeclaredScenario
 MOST_WAITING = 1000
 """Closed messages that may wait for one message before it is taken for lost."""
 
+AHEAD = 100
+"""Closed messages to wait for before one is fused: a recording holds arrivals in any order."""
+
 
 def fuse(
     messages: Iterable[Fusible],
     settings: Settings | Mapping[str, Any] | None = None,
     *,
     centre: str = keys.FUSION,
-    ahead: int = 1,
+    ahead: int = AHEAD,
 ) -> Iterator[Outputs]:
     """Fuse a recorded sequence: the outputs of each Closed, in the order of their steps.
 

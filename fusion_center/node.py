@@ -137,11 +137,9 @@ class FusionNode:
         """Fuse one Closed: the same call as in replay and in every test."""
         self._delay()
         started_s = time.perf_counter()
+        events = self._operator.events(closed, self._state.settings)
         self._member.outbox.send(keys.CLOSED_FUSION, (), closed)
-        messages: list[Input | Event] = [
-            *self._operator.events(closed),
-            *self._ingest.claim(closed),
-        ]
+        messages: list[Input | Event] = [*events, *self._ingest.claim(closed)]
         self._state, outputs = pipeline.step(self._state, closed, messages)
         for topic, ids, message in outputs:
             self._member.outbox.send(topic, ids, message)

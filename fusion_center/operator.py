@@ -12,6 +12,9 @@ from schemas.bus.member import Member
 from schemas.errors import WireError
 from schemas.messages import Answer, Closed, Command, Event
 
+from .orders import refusal
+from .settings import Settings
+
 REMEMBERED = 1000
 """Ids of commands that are answered again and not carried out twice."""
 
@@ -24,6 +27,7 @@ class Operator:
         self._waiting: list[Command] = []
         self._answers: OrderedDict[str, Answer] = OrderedDict()
         self._lock = threading.Lock()
+        self._settings = Settings()
         self._step = self._seq = 0
 
     def open(self) -> None:
@@ -31,10 +35,10 @@ class Operator:
         key = keys.COMMAND.key(self._member.run, self._member.process)
         self._member.buses.control.serve(key, self._serve)
 
-    def events(self, closed: Closed) -> list[Event]:
-        """The events that take effect with this Closed, published as inputs."""
+    def events(self, closed: Closed, settings: Settings) -> list[Event]:
+        """The events that take effect with this Closed, published as inputs before it."""
         with self._lock:
-            self._step = closed.step
+            self._step, self._settings = closed.step, settings
             commands, self._waiting = self._waiting, []
         events = [self._event(command, closed) for command in commands]
         for event in events:
@@ -66,8 +70,11 @@ class Operator:
     def _take(self, command: Command) -> Answer:
         with self._lock:
             if command.id not in self._answers:
-                self._waiting.append(command)
-                answer = Answer(id=command.id, taken=True, step=self._step + 1)
+                reason = refusal(self._settings, command)
+                if not reason:
+                    self._waiting.append(command)
+                step = 0 if reason else self._step + 1
+                answer = Answer(id=command.id, taken=not reason, step=step, reason=reason)
                 self._answers[command.id] = answer
                 if len(self._answers) > REMEMBERED:
                     self._answers.popitem(last=False)

@@ -67,7 +67,7 @@ def record_run(
     )
     attachments = run_attachments(scenario, truth, config)
     writer = RecordingWriter(path, header, attachments=attachments, max_loss_s=max_loss_s)
-    recorder = Recorder(member, writer)
+    recorder = Recorder(member, writer, scenario.epoch_ns)
     recorder.start(latched, hidden)
     return recorder, scenario
 
@@ -75,14 +75,14 @@ def record_run(
 class Recorder:
     """Writes samples in order of arrival; gaps are fetched from their owners."""
 
-    def __init__(self, member: Member, writer: RecordingWriter) -> None:
+    def __init__(self, member: Member, writer: RecordingWriter, epoch_ns: int) -> None:
         self._member, self._writer = member, writer
         self._inbox: Inbox[Sample] = Inbox(256 * 1024 * 1024)
         self._ledger = Ledger()
         self._recovery = Recovery(member.run, member.buses.data, self._inbox)
         self._msgpack = msgspec.msgpack.Decoder(_Head)
         self._json = msgspec.json.Decoder(_Head, strict=False)
-        self._clock_ns = 0
+        self._clock_ns = epoch_ns
         self._received = self._rejected = self._gaps = 0
         self._statistics_s = float("-inf")
         self._finish_by_s = float("inf")

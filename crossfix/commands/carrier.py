@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-ENDPOINT = "tcp/127.0.0.1:7447"
+from crossfix.commands import ENDPOINT
 
 
 def carrier(

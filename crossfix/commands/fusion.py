@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-ENDPOINT = "tcp/127.0.0.1:7447"
+from crossfix.commands import ENDPOINT
 
 
 def fusion(

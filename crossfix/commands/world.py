@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-ENDPOINT = "tcp/127.0.0.1:7447"
+from crossfix.commands import ENDPOINT
 
 
 def world(
@@ -15,7 +15,7 @@ def world(
     /,
     *,
     connect: str = ENDPOINT,
-    name: str | None = None,
+    run: str | None = None,
     rate: str = "max",
     overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative=())] = (),
     data: Path | None = None,
@@ -34,7 +34,7 @@ def world(
     Args:
         scenario: TOML file.
         connect: endpoint of the hub.
-        name: of the run on the wire, by default the scenario's.
+        run: name of the run, by default the scenario's.
         rate: `max` for lock-step, or a multiple of real time.
         overrides: a scenario key and its value, such as `seed=7`.
         data: folder of the recorded tracks that a scenario names (or set CROSSFIX_DATA).
@@ -45,7 +45,7 @@ def world(
 
     arguments = [str(scenario), "--connect", connect, "--rate", rate]
     arguments += ["--start-timeout", str(start_timeout), "--step-timeout", str(step_timeout)]
-    arguments += ["--run", name] if name else []
+    arguments += ["--run", run] if run else []
     arguments += ["--data", str(data)] if data else []
     for override in overrides:
         arguments += ["--set", override]

@@ -34,6 +34,7 @@ class MemoryRun:
         self.scenario, self.network, self.output = scenario, network, output
         self.run = scenario.declared.name
         self.pace = Pace(**pace)
+        self.fusion_delay_s = 0.0
         self.carriers: dict[str, CarrierNode] = {}
         self.errors: list[BaseException] = []
         self._threads: list[threading.Thread] = []
@@ -87,7 +88,9 @@ class MemoryRun:
         recorder_member = Member(self.run, keys.RECORDER, self._buses(keys.RECORDER))
         recorder, declared = record_run(recorder_member, self.output, 0.25, 10.0)
         settings = settings_from(declared.fusion)
-        node = FusionNode(member, declared, settings, recorder)
+        node = FusionNode(
+            member, declared, settings, recorder, delay=lambda: time.sleep(self.fusion_delay_s)
+        )
         self._leave_after(member, node.run)
         recorder_member.buses.close()
 

@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from schemas import keys
+from schemas import codec, keys
+from schemas.bus.interface import Inbox, Sample
 from schemas.bus.memory_bus import MemoryNetwork
-from schemas.messages import Closed
+from schemas.messages import Ack, Closed, Step
+from sim_world.node import WINDOW
 from sim_world.scenario import Scenario, parse_scenario
 from tests.whole.in_memory import MemoryRun
 from tests.whole.recorded import messages, outputs
@@ -83,3 +85,24 @@ def test_a_paced_run_closes_every_step_and_refuses_to_the_same_bytes(
         MemoryRun(scenario, network, path, rate=20.0).carry_out()
     assert [c.step for c in closed(path)] == list(range(1, STEPS + 1))
     assert outputs(path) == refused(path)
+
+
+def test_a_slow_fusion_centre_holds_the_world_back(scenario: Scenario, tmp_path: Path) -> None:
+    """In lock-step nothing piles up: at most the window is granted beyond what is fused."""
+    path = tmp_path / "run.mcap"
+    inbox: Inbox[Sample] = Inbox()
+    with MemoryNetwork() as network:
+        run = MemoryRun(scenario, network, path)
+        run.fusion_delay_s = 0.03
+        viewer = network.bus("viewer")
+        viewer.subscribe(keys.STEP.key(run.run), inbox)
+        viewer.subscribe(keys.ACK.key(run.run, keys.FUSION), inbox)
+        run.carry_out()
+    fused, leads = 0, []
+    for sample in inbox.take():
+        if keys.parse(sample.key).topic is keys.ACK:
+            fused = max(fused, codec.decode(Ack, sample.payload).step)
+        else:
+            leads.append(codec.decode(Step, sample.payload).step - fused)
+    assert max(leads) in (WINDOW, WINDOW + 1)
+    assert len(closed(path)) == STEPS
