@@ -18,13 +18,14 @@ from pathlib import Path
 from bench.figures import Figure, at_least, at_most, options, report, scale, told
 from crossfix.commands.run import RunOptions
 from schemas import keys
-from schemas.messages import Closed
+from schemas.messages import Closed, Health, Step
 from tests.live.live_run import LiveRun
 from tests.live.test_main_job import PATROL, STRAIT, children_of, load, slow_viewer
 from tests.whole.recorded import messages, outputs
 from tests.whole.refusing import refused
 
 CARRIERS = 10
+AT_STEP = 500
 
 
 def main() -> None:
@@ -41,6 +42,7 @@ def _figures(folder: Path, seed: int, runs: int) -> Iterator[Figure]:
     yield from _kill_of_the_centre(folder, seed)
     yield from _hung(folder, seed)
     yield from _hub(folder, seed)
+    yield from _slow_centre(folder, seed)
     yield from _launches(folder, 5 * runs)
     yield from _ten_carriers(folder)
 
@@ -131,6 +133,22 @@ def _hub(folder: Path, seed: int) -> Iterator[Figure]:
     missing = sum(len(c.gave_up) + len(c.lost) for c in _closed(path))
     yield at_most("hub killed and restarted: messages or carriers missing", missing, 0)
     yield at_least("hub killed and restarted: steps closed", len(_closed(path)), 60)
+
+
+def _slow_centre(folder: Path, seed: int) -> Iterator[Figure]:
+    """A fusion centre at a third of the speed of a paced world; everything is fused in the end."""
+    path = folder / "slow.mcap"
+    run = _run(STRAIT, path, seed, rate="60")
+    run.slow_down("fusion", 0.05)
+    with run:
+        run.await_message(Step, lambda step: bool(step.ended))
+        run.await_message(Health, lambda health: health.step > AT_STEP)
+        peaks = run.peak_mb()
+        run.await_end()
+    yield at_least("slow fusion centre: steps closed", len(_closed(path)), 600)
+    yield at_most("slow fusion centre: largest process", max(peaks.values()), 250, "MB")
+    for name, peak in sorted(peaks.items()):
+        yield told(f"slow fusion centre: {name}", peak, "MB")
 
 
 def _launches(folder: Path, launches: int) -> Iterator[Figure]:

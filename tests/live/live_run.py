@@ -81,6 +81,16 @@ class LiveRun:
         """The health message that says these words."""
         return self.await_message(Health, lambda h: any(words in line for line in h.news))
 
+    def slow_down(self, name: str, delay_s: float) -> None:
+        """Have a process waste time in every step; before the start."""
+        child = next(child for child in self._children if child.name == name)
+        child.arguments = [*child.arguments, "--delay", str(delay_s)]
+
+    def peak_mb(self) -> dict[str, float]:
+        """Most memory that each process has had resident so far."""
+        names = ["hub", *(child.name for child in self._children)]
+        return {name: _peak_mb(self.launch.pid(name)) for name in names}
+
     def signal(self, name: str, number: signal.Signals) -> None:
         """Send a signal to one process."""
         os.kill(self.launch.pid(name), number)
@@ -94,3 +104,9 @@ class LiveRun:
 
     def _watch(self) -> None:
         self.code = self.launch.watch(lambda: None)
+
+
+def _peak_mb(pid: int) -> float:
+    status = Path(f"/proc/{pid}/status").read_text()
+    peak = next(line for line in status.splitlines() if line.startswith("VmHWM"))
+    return int(peak.split()[1]) / 1024
