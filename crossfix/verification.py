@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import sys
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from hashlib import blake2b
-from itertools import zip_longest
+from itertools import chain, zip_longest
 from typing import Any, NamedTuple
 
 import msgpack
@@ -14,6 +16,7 @@ import msgspec
 from fusion_center.fuse import Fusible, fuse
 from schemas import codec
 from schemas.bus.ledger import Ledger, StreamKey
+from schemas.bus.spans import Spans
 from schemas.errors import RecordingError, WireError
 from schemas.keys import Role, parse
 from schemas.messages import Closed, Event, Input, Output, StreamSpan
@@ -74,7 +77,7 @@ def missing_inputs(recording: Recording) -> list[StreamSpan]:
     Raises:
         RecordingError: the recording is damaged.
     """
-    ledger, ends = Ledger(), dict[StreamKey, int]()
+    ledger, ends = Ledger(max_spans=sys.maxsize), dict[StreamKey, int]()
     closings: list[Closed] = []
     for message in _inputs(recording):
         if isinstance(message, Closed):
@@ -84,8 +87,9 @@ def missing_inputs(recording: Recording) -> list[StreamSpan]:
                 ends[key] = max(end.last_seq, ends.get(key, 0))
         elif isinstance(message, Input):
             ledger.note(StreamKey(message.carrier, message.boot, message.stream), message.seq)
-    for key, seq in _given_up(closings):
-        ledger.give_up(key, seq, seq)
+    for key, spans in _given_up(closings).items():
+        for first, last in spans:
+            ledger.give_up(key, first, last)
     return [
         StreamSpan(carrier=key.process, boot=key.boot, stream=key.stream, first=first, last=last)
         for key, end in sorted(ends.items())
@@ -208,19 +212,18 @@ def _inputs(recording: Recording) -> Iterator[msgspec.Struct]:
             yield message.decode()
 
 
-def _given_up(closings: Iterable[Closed]) -> Iterator[tuple[StreamKey, int]]:
+def _given_up(closings: Sequence[Closed]) -> Mapping[StreamKey, Spans]:
     """What was given up and never came late either."""
-    gave_up, late = set[tuple[StreamKey, int]](), set[tuple[StreamKey, int]]()
-    for closed in closings:
-        gave_up.update(_each(closed.gave_up))
-        late.update(_each(closed.late))
-    yield from gave_up - late
+    given_up: defaultdict[StreamKey, Spans] = defaultdict(Spans)
+    for span in chain.from_iterable(closed.gave_up for closed in closings):
+        given_up[_key(span)].add(span.first, span.last)
+    for span in chain.from_iterable(closed.late for closed in closings):
+        given_up[_key(span)].discard(span.first, span.last)
+    return given_up
 
 
-def _each(spans: Iterable[StreamSpan]) -> Iterator[tuple[StreamKey, int]]:
-    for span in spans:
-        for seq in range(span.first, span.last + 1):
-            yield StreamKey(span.carrier, span.boot, span.stream), seq
+def _key(span: StreamSpan) -> StreamKey:
+    return StreamKey(span.carrier, span.boot, span.stream)
 
 
 def _digest(payload: bytes) -> bytes:

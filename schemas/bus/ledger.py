@@ -7,6 +7,11 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple
 
+from .spans import Spans
+
+MAX_SPANS = 4096
+"""Separate runs of one stream that are remembered: more gaps than that are a fault of its own."""
+
 
 class StreamKey(NamedTuple):
     """A sequence of messages counted from 1: one stream of one boot of one process."""
@@ -23,78 +28,83 @@ class Seen(Enum):
     DUPLICATE = "duplicate"
     LATE = "late"
     """It had been given up before it came."""
+    REFUSED = "refused"
+    """It would open one gap more than can be remembered; it counts as not come."""
 
 
 @dataclass(slots=True)
 class _Stream:
-    through: int = 0
-    """Everything up to here is accounted for."""
-    ahead: set[int] = field(default_factory=set)
-    gave_up: set[int] = field(default_factory=set)
+    accounted: Spans = field(default_factory=Spans)
+    """What has come or been given up."""
+    gave_up: Spans = field(default_factory=Spans)
 
 
 class Ledger:
-    """Accounts for the sequence numbers of any number of streams in bounded memory."""
+    """Accounts for the sequence numbers of any number of streams.
 
-    def __init__(self) -> None:
+    Memory and time grow with the number of gaps, never with their length: a seq of 2**62 costs no
+    more than one of 2. A receiver that does not choose its senders bounds the number of streams by
+    `forget`.
+
+    Args:
+        max_spans: of one stream, before more gaps are refused.
+    """
+
+    def __init__(self, max_spans: int = MAX_SPANS) -> None:
         self._streams: dict[StreamKey, _Stream] = {}
+        self._max_spans = max_spans
 
     def note(self, key: StreamKey, seq: int) -> Seen:
         """Account for one message that came."""
-        stream = self._streams.setdefault(key, _Stream())
-        if seq in stream.gave_up:
-            stream.gave_up.discard(seq)
-            return Seen.LATE
-        if seq <= stream.through or seq in stream.ahead:
-            return Seen.DUPLICATE
-        stream.ahead.add(seq)
-        _advance(stream)
+        stream = self._streams.get(key)
+        if stream is None:
+            stream = self._streams[key] = _Stream()
+        if seq <= stream.accounted.last:
+            if seq in stream.gave_up:
+                stream.gave_up.discard(seq, seq)
+                return Seen.LATE
+            if seq in stream.accounted:
+                return Seen.DUPLICATE
+        if len(stream.accounted) >= self._max_spans and not stream.accounted.touches(seq):
+            return Seen.REFUSED
+        stream.accounted.add(seq, seq)
         return Seen.NEW
 
     def give_up(self, key: StreamKey, first: int, last: int) -> None:
         """Account for messages that will not be waited for; one that comes all the same is LATE."""
         stream = self._streams.setdefault(key, _Stream())
-        lost = set(range(first, last + 1)) - stream.ahead
-        stream.gave_up |= {seq for seq in lost if seq > stream.through}
-        stream.ahead |= lost
-        _advance(stream)
+        for hole in list(stream.accounted.holes(first, last)):
+            stream.gave_up.add(*hole)
+        stream.accounted.add(first, last)
+        while len(stream.gave_up) > self._max_spans:  # such a late one will count as a duplicate
+            stream.gave_up.forget_first()
 
     def through(self, key: StreamKey) -> int:
         """The last sequence number before the first gap; 0 for an unknown stream."""
         stream = self._streams.get(key)
-        return stream.through if stream else 0
+        first, last = next(iter(stream.accounted), (0, 0)) if stream else (0, 0)
+        return last if first == 1 else 0
 
     def highest(self, key: StreamKey) -> int:
         """The highest sequence number seen."""
         stream = self._streams.get(key)
-        return max(stream.ahead, default=stream.through) if stream else 0
+        return stream.accounted.last if stream else 0
 
     def missing(self, key: StreamKey, last: int) -> list[tuple[int, int]]:
         """Gaps (first, last) up to `last`, in order."""
-        stream = self._streams.get(key, _Stream())
-        gaps: list[tuple[int, int]] = []
-        for seq in range(stream.through + 1, last + 1):
-            if seq in stream.ahead:
-                continue
-            if gaps and gaps[-1][1] == seq - 1:
-                gaps[-1] = (gaps[-1][0], seq)
-            else:
-                gaps.append((seq, seq))
-        return gaps
+        stream = self._streams.get(key)
+        return list((stream.accounted if stream else Spans()).holes(1, last))
 
     def gaps(self) -> Iterator[tuple[StreamKey, int, int]]:
         """Every gap below a message that has come, over all streams."""
         for key, stream in self._streams.items():
-            if stream.ahead:
-                for first, last in self.missing(key, max(stream.ahead)):
-                    yield key, first, last
+            for first, last in stream.accounted.holes(1, stream.accounted.last):
+                yield key, first, last
 
     def streams(self) -> list[StreamKey]:
         """Every stream seen, in order of first appearance."""
         return list(self._streams)
 
-
-def _advance(stream: _Stream) -> None:
-    while stream.through + 1 in stream.ahead:
-        stream.through += 1
-        stream.ahead.discard(stream.through)
+    def forget(self, key: StreamKey) -> None:
+        """Know nothing of a stream any more; what comes of it again is new."""
+        self._streams.pop(key, None)

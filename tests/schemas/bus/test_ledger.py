@@ -51,3 +51,31 @@ def test_a_long_stream_in_order_keeps_nothing() -> None:
         ledger.note(KEY, seq)
     assert ledger.through(KEY) == 10_000
     assert not list(ledger.gaps())
+
+
+def test_a_seq_out_of_this_world_costs_nothing() -> None:
+    ledger = Ledger()
+    assert ledger.note(KEY, 1) is Seen.NEW
+    assert ledger.note(KEY, 2**62) is Seen.NEW
+    assert list(ledger.gaps()) == [(KEY, 2, 2**62 - 1)]
+    assert ledger.missing(KEY, 2**63 - 1) == [(2, 2**62 - 1), (2**62 + 1, 2**63 - 1)]
+    ledger.give_up(KEY, 2, 2**62 - 1)
+    assert ledger.through(KEY) == 2**62
+    assert ledger.note(KEY, 12345) is Seen.LATE
+
+
+def test_more_gaps_than_can_be_remembered_are_refused_until_some_are_closed() -> None:
+    ledger = Ledger(max_spans=10)
+    told = [ledger.note(KEY, seq) for seq in range(2, 40, 2)]
+    assert told == [Seen.NEW] * 10 + [Seen.REFUSED] * 9
+    assert ledger.highest(KEY) == 20
+    assert ledger.note(KEY, 3) is Seen.NEW
+    assert ledger.note(KEY, 40) is Seen.NEW
+
+
+def test_a_forgotten_stream_begins_anew() -> None:
+    ledger = Ledger()
+    ledger.note(KEY, 5)
+    ledger.forget(KEY)
+    assert ledger.streams() == []
+    assert ledger.note(KEY, 5) is Seen.NEW
