@@ -1,0 +1,1 @@
+"""Real sources as carriers: a feed brings bytes, a decoder understands them, a bridge publishes."""

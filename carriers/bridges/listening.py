@@ -1,0 +1,70 @@
+"""The way out: messages of a run as JSON lines, by the names that `jsonl` reads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from schemas import codec, keys
+from schemas.bus.interface import Bus, Inbox, Liveness, Sample
+from schemas.bus.roster import Roster
+from schemas.errors import CrossfixError, WireError
+
+WAIT_S = 0.1
+TOPICS = ("report", "navigation", "correction", "track")
+"""What is printed unless topics are named."""
+
+
+class Listener:
+    """Follows topics of a run until its world has left.
+
+    Attributes:
+        refused: messages that were none.
+
+    Raises:
+        CrossfixError: no such topic.
+    """
+
+    def __init__(self, bus: Bus, run: str, topics: Sequence[str] = TOPICS) -> None:
+        self.refused = 0
+        self._inbox: Inbox[Sample] = Inbox()
+        self._tokens: Inbox[Liveness] = Inbox()
+        self._bus, self._roster = bus, Roster()
+        for topic in map(_topic, topics):
+            bus.subscribe(topic.every(run), self._inbox)
+        bus.watch(keys.every_alive(run), self._tokens)
+
+    @property
+    def drops(self) -> int:
+        """Messages that were too many."""
+        return self._inbox.drops
+
+    def lines(self) -> Iterator[bytes]:
+        """What has come, a line each; waits a moment for something."""
+        for sample in self._inbox.take(WAIT_S):
+            try:
+                yield line_of(sample)
+            except WireError:
+                self.refused += 1
+
+    def is_over(self, now_s: float) -> bool:
+        """Whether the world of the run has left."""
+        lost = self._roster.update(self._tokens.take(), self._bus.link_up(), now_s)
+        return any(life.process == keys.WORLD for life in lost)
+
+
+def line_of(sample: Sample) -> bytes:
+    """One message as one line of JSON: its topic, then its fields.
+
+    Raises:
+        WireError: it is none.
+    """
+    topic = keys.parse(sample.key).topic
+    message = codec.decode(topic.message, sample.payload, sample.encoding)
+    return b'{"topic":"%s",%s' % (topic.name.encode(), codec.encode_json(message)[1:])
+
+
+def _topic(name: str) -> keys.Topic:
+    topics = {topic.name: topic for topic in keys.TOPICS}
+    if name not in topics:
+        raise CrossfixError("no such topic", got=name, expected=" or ".join(topics))
+    return topics[name]
