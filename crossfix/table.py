@@ -23,6 +23,9 @@ NOTE = (
     "together cannot be observed there and leave a floor. An honest sigma has NEES/dim 1."
 )
 
+NOTHING = 1e-6
+"""An error below this [m, rad] is none: known frames have no ratio."""
+
 
 def show_frames(path: Path, *, as_json: bool = False) -> list[FrameSummary]:
     """Print the error of every carrier's frame before and after correction."""
@@ -84,7 +87,7 @@ def _print(summaries: list[FrameSummary]) -> None:
 
 
 def _change(before: float, after: float, told: Callable[[float], str]) -> tuple[str, str, str]:
-    ratio = after / before if before else nan
+    ratio = after / before if before > NOTHING else nan
     return told(before), told(after), _number(ratio, ".3f")
 
 
