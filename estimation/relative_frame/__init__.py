@@ -6,7 +6,20 @@ from estimation.relative_frame.adjustment import (
     adjustment,
     updated,
 )
+from estimation.relative_frame.attitude import (
+    AttitudePrior,
+    SpatialFrame,
+    SphericalLogs,
+    spatial_adjustment,
+)
 from estimation.relative_frame.bound import Bound, cramer_rao
+from estimation.relative_frame.change_detection import (
+    Alarm,
+    Watch,
+    reopened,
+    watched,
+    watching,
+)
 from estimation.relative_frame.closed_form import (
     Information,
     closed_form,
@@ -57,6 +70,8 @@ from estimation.relative_frame.tracks import (
 __all__ = [
     "AT_REST",
     "STEADY",
+    "Alarm",
+    "AttitudePrior",
     "Bound",
     "Direction",
     "Drift",
@@ -76,9 +91,12 @@ __all__ = [
     "RelativeFramePrior",
     "Reuse",
     "RobustRegistration",
+    "SpatialFrame",
+    "SphericalLogs",
     "TrackLog",
     "Travel",
     "Update",
+    "Watch",
     "adjustment",
     "advanced",
     "as_plots",
@@ -98,9 +116,13 @@ __all__ = [
     "positions",
     "predicted",
     "prior_in_own_axes",
+    "reopened",
     "reuse",
     "robust_adjustment",
     "solve",
+    "spatial_adjustment",
     "thinned",
     "updated",
+    "watched",
+    "watching",
 ]
