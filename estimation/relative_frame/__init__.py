@@ -44,7 +44,7 @@ from estimation.relative_frame.network import (
     NetworkPrior,
     network_adjustment,
 )
-from estimation.relative_frame.observability import Direction, directions
+from estimation.relative_frame.observability import Diagnosis, Direction, diagnose, directions
 from estimation.relative_frame.recursion import (
     AT_REST,
     STEADY,
@@ -54,6 +54,11 @@ from estimation.relative_frame.recursion import (
     predicted,
 )
 from estimation.relative_frame.robust import RobustRegistration, robust_adjustment
+from estimation.relative_frame.sensor_errors import (
+    SensorErrorPrior,
+    SensorRegistration,
+    adjustment_with_sensor_errors,
+)
 from estimation.relative_frame.tracks import (
     Increment,
     MotionModel,
@@ -73,6 +78,7 @@ __all__ = [
     "Alarm",
     "AttitudePrior",
     "Bound",
+    "Diagnosis",
     "Direction",
     "Drift",
     "Increment",
@@ -91,6 +97,8 @@ __all__ = [
     "RelativeFramePrior",
     "Reuse",
     "RobustRegistration",
+    "SensorErrorPrior",
+    "SensorRegistration",
     "SpatialFrame",
     "SphericalLogs",
     "TrackLog",
@@ -98,12 +106,14 @@ __all__ = [
     "Update",
     "Watch",
     "adjustment",
+    "adjustment_with_sensor_errors",
     "advanced",
     "as_plots",
     "closed_form",
     "closed_form_dense",
     "corrected",
     "cramer_rao",
+    "diagnose",
     "directions",
     "equivalent_measurement",
     "fused",

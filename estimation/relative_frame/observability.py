@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from estimation.arrays import Array
 
+FRAME_NAMES = ("location east", "location north", "orientation")
 Status = Literal["determined", "weak", "undetermined"]
 
 _DETERMINED, _WEAK = 0.5, 0.9  # posterior sigma over prior sigma
+_SAYS = 1e-3  # prior sigmas by data sigmas below which the data say nothing
+_PART = 0.15  # share of a direction's motion from which a parameter is named
 _PURE = 0.8  # share of the prior-scaled motion above which a direction is named by one part alone
 
 
@@ -84,3 +88,64 @@ def _name(motion: Array, sigmas: Array) -> str:
     along = round(float(np.degrees(np.arctan2(motion[0], motion[1])))) % 180
     location = f"location along {along:03d} deg"
     return location if turn_share < 1 - _PURE else f"{location} together with orientation"
+
+
+class Diagnosis(NamedTuple):
+    """What the targets alone say of some parameters, measured in sigmas of their prior.
+
+    Attributes:
+        singular_values: (m,) of the whitened target information, largest first: how many times
+            better than the prior the data know a direction; 1 = as well, 0 = not at all.
+        rank: directions of which the data say anything.
+        beaten: directions that the data know better than the prior.
+        weakest: the worst direction in words.
+        sentence: the whole in one sentence.
+    """
+
+    singular_values: Array
+    rank: int
+    beaten: int
+    weakest: str
+    sentence: str
+
+
+def diagnose(information: Array, prior: Array, names: Sequence[str] = FRAME_NAMES) -> Diagnosis:
+    """Which combinations of parameters the targets determine.
+
+    Args:
+        information: (K, K) of the targets alone, sum of H' S^-1 H.
+        prior: (K, K) covariance; a parameter of no variance is known and left out.
+        names: of the K parameters.
+
+    Raises:
+        ValueError: no parameter is uncertain, or there are not K names.
+    """
+    if len(names) != len(prior):
+        raise ValueError(f"need a name of each parameter: {len(names)} for {len(prior)}")
+    free = np.flatnonzero(np.diag(prior) > 0)
+    if free.size == 0:
+        raise ValueError("no parameter is uncertain: there is nothing to determine")
+    sigmas = np.sqrt(np.diag(prior)[free])
+    correlation = prior[np.ix_(free, free)] / np.outer(sigmas, sigmas)
+    variances, axes = np.linalg.eigh(correlation)
+    root = (axes * np.sqrt(np.maximum(variances, 0))) @ axes.T  # of parameters in prior sigmas
+    scaled = information[np.ix_(free, free)] * np.outer(sigmas, sigmas)
+    gained, directions_of = np.linalg.eigh(root @ scaled @ root)
+    values = np.sqrt(np.maximum(gained, 0))[::-1]
+    weakest = _in_words((root @ directions_of[:, 0]) ** 2, [names[int(i)] for i in free])
+    rank, beaten = int((values > _SAYS).sum()), int((values > 1).sum())
+    worst = float(values[-1])
+    said = "not told by the targets at all" if worst <= _SAYS else f"known to {1 / worst:.2g}"
+    sentence = (
+        f"{rank} of {len(free)} directions are seen, {beaten} better than the prior knows them; "
+        f"weakest: {weakest}, {said}"
+        + ("" if worst <= _SAYS else " of the prior sigma by the targets alone")
+    )
+    return Diagnosis(values, rank, beaten, weakest, sentence)
+
+
+def _in_words(shares: Array, names: list[str]) -> str:
+    """The parameters that move most along a direction."""
+    shares = shares / shares.sum()
+    order = [i for i in np.argsort(-shares) if shares[i] > _PART]
+    return " together with ".join(names[i] for i in order)
