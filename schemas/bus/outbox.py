@@ -103,16 +103,15 @@ class Outbox:
     def _records(self, request: BackfillRequest) -> list[BackfillRecord]:
         if request.boot not in ("", self.boot):
             return []
-        last = min(request.last, request.first + MAX_RECORDS - 1)
         with self._lock:
             found = [
                 kept.sample
                 for kept in self._kept.get(request.stream, ())
-                if request.first <= kept.seq <= last
+                if request.first <= kept.seq <= request.last
             ]
         records: list[BackfillRecord] = []
         size = 0
-        for sample in found:
+        for sample in found[:MAX_RECORDS]:
             size += len(sample.payload)
             if records and size > REPLY_BYTES:
                 break

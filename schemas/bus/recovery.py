@@ -12,11 +12,16 @@ from ..errors import WireError
 from ..messages import BackfillReply, BackfillRequest
 from .interface import Bus, Inbox, Sample
 from .ledger import StreamKey
+from .limits import weigh
 
 OVERTAKING_S = 0.05
 """A closed step often overtakes its data on another session: wait this long before asking."""
 ATTEMPT_S = 0.3
 ATTEMPTS = 3
+MAX_DOUBLINGS = 3
+"""The pause before a silent owner is asked again grows to 8 attempts."""
+AT_ONCE = 8
+"""Questions to one owner under way, while it answers."""
 RELINK_S = 3.0
 """After a lost link its owner may need this long to be back."""
 
@@ -35,18 +40,34 @@ class _Case:
     weighed: bool = False
 
 
+@dataclass(slots=True)
+class _Owner:
+    asked: int = 0
+    """Questions under way."""
+    silent: int = 0
+    """Questions in a row without an answer."""
+
+
 class Recovery:
     """Asks for gaps until they are filled or hopeless; what comes goes into the inbox.
 
     The receiver calls `pursue` in its loop with the gaps that are left after it has emptied the
-    inbox, and gives up those that come back.
+    inbox, and gives up those that come back. An owner that does not answer is asked one thing at a
+    time and ever less often: it must not hold up the others.
+
+    Attributes:
+        fetched: messages that came so.
+        refused: records in an answer that are not of the stream asked for: an owner speaks for
+            its own streams only.
     """
 
     def __init__(self, run: str, bus: Bus, inbox: Inbox[Sample]) -> None:
-        self.fetched = 0
+        self.fetched = self.refused = 0
         self._run, self._bus, self._inbox = run, bus, inbox
         self._cases: dict[StreamKey, _Case] = {}
-        self._orders: queue.SimpleQueue[tuple[Gap, _Case] | None] = queue.SimpleQueue()
+        self._owners: dict[str, _Owner] = {}
+        self._lock = threading.Lock()
+        self._orders: queue.SimpleQueue[tuple[Gap, _Case, _Owner] | None] = queue.SimpleQueue()
         self._linked_s = float("-inf")
         self._was_up = True
         self._thread = threading.Thread(target=self._work, name="recovery", daemon=True)
@@ -60,6 +81,9 @@ class Recovery:
             first_of.setdefault(gap[0], gap)
         for key in self._cases.keys() - first_of.keys():
             del self._cases[key]
+        busy = {name: owner for name, owner in self._owners.items() if owner.asked}
+        names = {key.process for key in first_of}
+        self._owners = busy | {name: self._owners.get(name) or _Owner() for name in names}
         return [gap for gap in first_of.values() if self._is_hopeless(gap, now_s)]
 
     def close(self) -> None:
@@ -87,18 +111,23 @@ class Recovery:
             case.attempts >= ATTEMPTS and now_s - max(self._linked_s, case.noticed_s) > RELINK_S
         ):
             return True
-        due_s = case.asked_s + ATTEMPT_S if case.asked_s else case.noticed_s + OVERTAKING_S
-        if now_s >= due_s:
+        owner = self._owners[key.process]
+        if now_s >= _due_s(owner, case) and owner.asked < (1 if owner.silent else AT_ONCE):
             case.asked_s, case.in_flight = now_s, True
-            self._orders.put((gap, case))
+            with self._lock:
+                owner.asked += 1
+            self._orders.put((gap, case, owner))
         return False
 
     def _work(self) -> None:
         while (order := self._orders.get()) is not None:
-            gap, case = order
+            gap, case, owner = order
             case.answered = self._ask(gap)
             case.attempts += 1
             case.in_flight = False
+            owner.silent = 0 if case.answered else owner.silent + 1
+            with self._lock:
+                owner.asked -= 1
 
     def _ask(self, gap: Gap) -> bool:
         """Whether the owner answered; what it still had is in the inbox by then."""
@@ -110,14 +139,41 @@ class Recovery:
             codec.encoding_of(BackfillRequest),
             ATTEMPT_S,
         )
-        for sample in samples:
-            try:
-                reply = codec.decode(BackfillReply, sample.payload, sample.encoding)
-            except WireError:
-                continue
-            for record in reply.records:
+        taken = [self._take(key, sample) for sample in samples]
+        return any(taken)
+
+    def _take(self, asked: StreamKey, answer: Sample) -> bool:
+        """Put what an answer holds into the inbox; whether it was an answer at all."""
+        try:
+            reply = codec.decode(BackfillReply, answer.payload, answer.encoding)
+        except WireError:
+            return False
+        for record in reply.records:
+            if self._is_of(asked, record.key):
                 self.fetched += 1
-                self._inbox.put(
-                    Sample(record.key, record.payload, record.encoding), len(record.payload)
-                )
-        return bool(samples)
+                sample = Sample(record.key, record.payload, record.encoding)
+                self._inbox.put(sample, weigh(sample.key, sample.payload))
+            else:
+                self.refused += 1
+        return True
+
+    def _is_of(self, asked: StreamKey, key: str) -> bool:
+        """Whether a record's key belongs to the stream that was asked for."""
+        try:
+            address = keys.parse(key)
+        except WireError:
+            return False
+        if (address.run, keys.stream(address)) != (self._run, asked.stream):
+            return False
+        if address.topic.role is keys.Role.INPUT and "carrier" in address.ids:
+            return address.ids["carrier"] == asked.process
+        return asked.process in keys.RESERVED_PROCESSES
+
+
+def _due_s(owner: _Owner, case: _Case) -> float:
+    """When to ask next: at once, then after an attempt's time, of a silent owner ever later."""
+    beyond = owner.silent - ATTEMPTS
+    if not case.asked_s and beyond < 0:
+        return case.noticed_s + OVERTAKING_S
+    pause_s: float = ATTEMPT_S * 2.0 ** min(max(beyond, 0), MAX_DOUBLINGS)
+    return max(case.asked_s, case.noticed_s) + pause_s
