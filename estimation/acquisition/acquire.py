@@ -145,8 +145,8 @@ def acquire_blind(
     if not (own.count and other.count):
         return _no_logs(own)
     setting = _setting(own, other, prior, clues, known, settings)
-    tries = consensus(setting.given, setting.prior, settings.blind_modes, _GATE_OF_FRAMES)
-    return _judged(setting, tries, settings)
+    voted = consensus(setting.given, setting.prior, settings.blind_modes, _GATE_OF_FRAMES)
+    return _judged(setting, voted if len(voted.t) else setting.prior, settings)
 
 
 def unknown_frame(sigma_q_m: float, q_m: ArrayLike = (0.0, 0.0)) -> OwnAxesFrame:
@@ -179,20 +179,21 @@ def _setting(
     t = np.concatenate([before.q_m, np.reshape(before.D_rad, 1)])
     covariance = before.covariance + _LEAST
     peak = -0.5 * float(np.linalg.slogdet(2 * np.pi * covariance)[1])
-    weight = covariance
-    if covariance[2, 2] > _FLAT_RAD**2:
+    weight, flat = covariance, bool(covariance[2, 2] > _FLAT_RAD**2)
+    if flat:
         peak = -0.5 * float(np.linalg.slogdet(2 * np.pi * covariance[:2, :2])[1])
         peak -= float(np.log(2 * np.pi))
         weight = covariance + np.diag([0.0, 0.0, _FLAT_VARIANCE])
     sharing = Sharing.of(own.count, other.count, given.area_m2)
-    return Setting(given, Frames(t[None], weight[None]), peak, sharing, covariance)
+    return Setting(given, Frames(t[None], weight[None]), peak, sharing, covariance, flat)
 
 
 def _judged(setting: Setting, tries: Frames, settings: Settings) -> Acquisition:
     """Polish every try, weigh the modes they end in against each other and against nothing."""
     ends = (polished(setting, tries.take(np.array([k]))) for k in range(len(tries.t)))
     found = [c for c in apart(list(ends)) if c.pairs.own.size]
-    nothing = -np.inf if setting.given.bound.size else 0.0  # a bound pair is not nothing
+    bound = found and setting.given.bound.size
+    nothing = -np.inf if bound else 0.0  # a bound pair is not nothing
     evidence = np.array([nothing, *(c.log_evidence for c in found)])
     chance = np.exp(evidence - evidence.max())
     chance /= chance.sum()
@@ -205,7 +206,7 @@ def _judged(setting: Setting, tries: Frames, settings: Settings) -> Acquisition:
 def _mode(setting: Setting, found: Candidate, probability: float) -> Mode:
     """A candidate as it is told."""
     told = refined(setting, found) if probability > _OF_NOTE else found
-    t, covariance = told.frame.t[0], told.frame.covariance[0]
+    t, covariance = told.frame.t[0], setting.closed(told.frame.covariance[0])
     frame = OwnAxesFrame(t[:2], wrap_pi(t[2]), covariance)
     return Mode(*told.pairs, told.pair_probability, frame, probability)
 

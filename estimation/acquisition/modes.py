@@ -38,6 +38,7 @@ class Setting(NamedTuple):
         log_peak: ln of the prior's density [1/(m^2 rad)] at its mean.
         sharing: the weights of numbers of pairs.
         covariance: (3, 3) of the prior as it is told.
+        flat: whether every heading is as likely.
     """
 
     given: Problem
@@ -45,6 +46,15 @@ class Setting(NamedTuple):
     log_peak: float
     sharing: Sharing
     covariance: Array
+    flat: bool
+
+    def closed(self, covariance: Array) -> Array:
+        """A posterior covariance (3, 3); a flat heading is no wider than the circle."""
+        if not self.flat:
+            return covariance
+        circle = np.diag([0.0, 0.0, 1 / self.covariance[2, 2]])
+        closed: Array = np.linalg.inv(np.linalg.inv(covariance) + circle)
+        return closed
 
 
 class Candidate(NamedTuple):
@@ -151,7 +161,8 @@ def _weighed(setting: Setting, frame: Frames, pairs: Pairs) -> Candidate:
     at_fit = log_likelihood(exact, own, other, given.sigma_speed_mps).sum()
     features = given.log_ratio[pairs.own, pairs.other].sum()
     log_prior = setting.log_peak - 0.5 * float(_distance(frame.t - prior.t, prior.covariance)[0])
-    log_volume = 0.5 * float(np.linalg.slogdet(2 * np.pi * frame.covariance[0])[1])
+    covariance = setting.closed(frame.covariance[0])
+    log_volume = 0.5 * float(np.linalg.slogdet(2 * np.pi * covariance)[1])
     weight = setting.sharing.log_weight(pairs.own.size)
     best = float(weight + at_fit + features + log_prior + log_volume)
 

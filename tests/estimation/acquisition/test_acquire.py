@@ -210,6 +210,25 @@ def test_two_targets_side_by_side_tell_no_unknown_heading() -> None:
     assert found.sentence
 
 
+def test_one_bound_pair_tells_no_unknown_heading() -> None:
+    place = np.array([[5e3, 5e3]])
+    found = acquire_blind(
+        logs(place), logs(place), unknown_frame(15e3), known=constraints(bind=[(0, 0)])
+    )
+    assert (found.status, found.nothing_probability) == ("undetermined", 0.0)
+    assert found.directions[0].status == "undetermined"
+    assert found.modes[0].frame.covariance[2, 2] < np.pi**2  # no wider than the circle
+    free = acquire_blind(logs(place), logs(place), unknown_frame(15e3))
+    assert free.status == "nothing"
+
+
+def test_with_three_hundred_targets_it_still_answers() -> None:
+    drawn = scene(np.random.default_rng(21), Layout(300, 200))
+    found = acquire(drawn.own, drawn.other, drawn.prior)
+    assert found.status == "acquired"
+    assert len(pairs(found) & true_pairs(drawn)) > 150
+
+
 EMPTY = PolarLogs.from_sigmas([], [], 1.0, 1.0)
 
 
