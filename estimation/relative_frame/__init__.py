@@ -37,6 +37,7 @@ from estimation.relative_frame.logs import (
     in_own_axes,
     prior_in_own_axes,
 )
+from estimation.relative_frame.methods import Method, linearised_once
 from estimation.relative_frame.motion import Motion, motion_to
 from estimation.relative_frame.network import (
     NetworkFrames,
@@ -83,6 +84,7 @@ __all__ = [
     "Drift",
     "Increment",
     "Information",
+    "Method",
     "Motion",
     "MotionModel",
     "NetworkFrames",
@@ -119,6 +121,7 @@ __all__ = [
     "fused",
     "in_own_axes",
     "information",
+    "linearised_once",
     "memory_s",
     "motion_to",
     "network_adjustment",

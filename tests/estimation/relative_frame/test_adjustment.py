@@ -13,12 +13,14 @@ from estimation.arrays import Array
 from estimation.consistency import nees
 from estimation.frames import polar_from_east_north, rotation_clockwise, wrap_pi
 from estimation.relative_frame import (
+    Method,
     OwnAxesFrame,
     PolarLogs,
     RelativeFramePrior,
     adjustment,
     closed_form,
     in_own_axes,
+    linearised_once,
     motion_to,
     prior_in_own_axes,
     updated,
@@ -216,3 +218,11 @@ def test_what_cannot_be_paired_is_refused() -> None:
     scene = experiment(np.random.default_rng(13), (), 3)
     with pytest.raises(ValueError, match="own 3, other 2"):
         adjustment(scene.own, scene.other.take(slice(2)), scene.prior)
+
+
+@pytest.mark.parametrize("method", [adjustment, linearised_once])
+def test_methods_share_one_signature(method: Method) -> None:
+    scene = experiment(np.random.default_rng(14), (30,), 8)
+    found = method(*logs_of(scene))
+    assert found.converged.shape == (30,)
+    assert np.hypot(*errors_own(found.own_axes, scene)[:, :2].T).mean() < 200
