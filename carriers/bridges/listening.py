@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from schemas import codec, keys
-from schemas.bus.interface import Bus, Inbox, Liveness, Sample
-from schemas.bus.roster import Roster
+from schemas.bus.interface import Bus, Inbox, Sample
 from schemas.errors import CrossfixError, WireError
+
+from .run_clock import RunClock
+from .run_watch import RunWatch
 
 WAIT_S = 0.1
 TOPICS = ("report", "navigation", "correction", "track")
@@ -27,11 +29,9 @@ class Listener:
     def __init__(self, bus: Bus, run: str, topics: Sequence[str] = TOPICS) -> None:
         self.refused = 0
         self._inbox: Inbox[Sample] = Inbox()
-        self._tokens: Inbox[Liveness] = Inbox()
-        self._bus, self._roster = bus, Roster()
         for topic in map(_topic, topics):
             bus.subscribe(topic.every(run), self._inbox)
-        bus.watch(keys.every_alive(run), self._tokens)
+        self._watch = RunWatch(bus, run, RunClock(None))
 
     @property
     def drops(self) -> int:
@@ -47,9 +47,8 @@ class Listener:
                 self.refused += 1
 
     def is_over(self, now_s: float) -> bool:
-        """Whether the world of the run has left."""
-        lost = self._roster.update(self._tokens.take(), self._bus.link_up(), now_s)
-        return any(life.process == keys.WORLD for life in lost)
+        """Whether the run has ended."""
+        return self._watch.is_over(now_s)
 
 
 def line_of(sample: Sample) -> bytes:

@@ -9,21 +9,19 @@ from collections.abc import Iterable
 import msgspec
 
 from schemas import codec, keys
-from schemas.bus.interface import Inbox, Liveness, Sample
+from schemas.bus.interface import Sample
 from schemas.bus.member import Member
-from schemas.bus.roster import Roster
-from schemas.errors import WireError
-from schemas.messages import ProcessState, Step
+from schemas.messages import ProcessState
 
 from .bridge import Bridge
 from .feeds import Feed
 from .records import Decoder, RecordError
 from .run_clock import RunClock
+from .run_watch import RunWatch
 
 log = logging.getLogger("bridge")
 
 PUMP_S = 0.02
-LATCHED_S = 0.3
 LINGER_S = 1.0
 """After the end of a feed, so that what was lost on the way can still be fetched."""
 TOLD_AT_ONCE = 10
@@ -72,9 +70,6 @@ class BridgeNode:
     ) -> None:
         self._member, self._feed, self._decode = member, feed, decode
         self._bridge, self._clock = bridge, clock
-        self._control: Inbox[Sample] = Inbox()
-        self._tokens: Inbox[Liveness] = Inbox()
-        self._roster = Roster()
         self._complaints = Complaints()
         self._stop = False
 
@@ -84,7 +79,7 @@ class BridgeNode:
 
     def run(self) -> str:
         """The whole life of the bridge; the reason why it ended."""
-        self._open()
+        watch = self._open()
         ended_s = float("inf")
         while not self._stop:
             for arrival in self._feed.take(PUMP_S):
@@ -92,7 +87,7 @@ class BridgeNode:
                     if (error := self._bridge.take(found)) is not None:
                         self._complaints.tell(error, time.monotonic())
             now_s = time.monotonic()
-            self._listen()
+            over = watch.is_over(now_s)
             self._bridge.stand()
             self._member.beat(self._clock.step, "running", **self._bridge.counts.counters())
             if self._feed.ended:
@@ -100,27 +95,17 @@ class BridgeNode:
                 time.sleep(PUMP_S)
             if now_s - ended_s > LINGER_S:
                 return "the feed has ended"
-            if self._world_is_gone(now_s):
+            if over:
                 return "the run has ended"
         return "stopped"
 
-    def _open(self) -> None:
+    def _open(self) -> RunWatch:
         run, process = self._member.run, self._member.process
         control, data = self._member.buses
-        control.watch(keys.every_alive(run), self._tokens)
-        control.subscribe(keys.STEP.key(run), self._control)
-        for latched in control.query(keys.STEP.key(run), b"", "", LATCHED_S):
-            self._control.put(latched)
-        self._listen()
+        watch = RunWatch(control, run, self._clock)
         data.serve(keys.STATE.key(run, process), self._status)
         self._member.announce()
-
-    def _listen(self) -> None:
-        for sample in self._control.take():
-            try:
-                self._clock.hear(codec.decode(Step, sample.payload, sample.encoding))
-            except WireError as error:
-                log.warning("refused a step: %s", error)
+        return watch
 
     def _status(self, key: str, payload: bytes) -> Iterable[Sample]:
         """Answer who asks for the state now, and not only once a second."""
@@ -133,8 +118,3 @@ class BridgeNode:
             counters=self._bridge.counts.counters(),
         )
         yield Sample(key, codec.encode(state), codec.encoding_of(ProcessState))
-
-    def _world_is_gone(self, now_s: float) -> bool:
-        up = self._member.buses.control.link_up()
-        lost = self._roster.update(self._tokens.take(), up, now_s)
-        return any(life.process == keys.WORLD for life in lost)

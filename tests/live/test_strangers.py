@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import socket
 import subprocess
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from itertools import chain
 from math import isnan
 from pathlib import Path
@@ -20,35 +21,30 @@ from examples import external_publisher as example
 from schemas import keys
 from schemas.messages import Closed, Correction, SourceReport, TruthCarriers
 from schemas.recording.reader import open_recording
-from tests.hub_process import ROOT
 from tests.live.live_run import LiveRun
+from tests.live.outsiders import (
+    DEADLINE_S,
+    FaultyServer,
+    await_line,
+    bridge_options,
+    seen,
+    started,
+)
 from tests.whole.recorded import messages, outputs
 from tests.whole.refusing import refused
 
 pytestmark = pytest.mark.live
 SCENARIO = Path(__file__).with_name("patrol.toml")
 STEPS = 60
-DEADLINE_S = 60
 SLOW = RunOptions(delay=0.1)
 NEES_LIMIT = 21.1
 """Of three degrees of freedom: exceeded once in 10,000."""
 
 
-@contextmanager
-def visitor(run: LiveRun, *options: str) -> Iterator[subprocess.Popen[str]]:
+def visitor(run: LiveRun, *options: str) -> AbstractContextManager[subprocess.Popen[str]]:
     """The example as its user starts it."""
-    command = [sys.executable, "examples/external_publisher.py", "--run", run.run]
-    with subprocess.Popen(
-        [*command, "--connect", run.endpoint, *options],
-        cwd=ROOT,
-        text=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-    ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
+    where = ["--run", run.run, "--connect", run.endpoint]
+    return started("examples/external_publisher.py", *where, *options)
 
 
 def nees_of_visitor(path: Path) -> list[float]:
@@ -122,3 +118,98 @@ def test_a_visitor_that_dies_is_named_lost_and_its_errors_stay_unknown(tmp_path:
     assert isnan(rows["visitor"].after_m)
     assert rows["bravo"].after_m < rows["bravo"].before_m
     assert outputs(path) == refused(path)
+
+
+def test_datagrams_of_json_get_a_right_correction_and_rubbish_among_them_is_counted(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "run.mcap"
+    with LiveRun(SCENARIO, path, RunOptions(rate="10")) as run, free_port() as port:
+        address = f"127.0.0.1:{port}"
+        udp = socket.socket(type=socket.SOCK_DGRAM)
+
+        def tell(line: bytes) -> None:
+            for datagram in (line, b"\x00\xffrubbish", b'{"bearing_deg": 1, "range_m": "far"}'):
+                udp.sendto(datagram, ("127.0.0.1", port))
+
+        options = bridge_options(run)
+        with started("-m", "crossfix", "bridge", "jsonl", "--udp", address, *options) as bridge:
+            await_line(bridge, "takes part")
+            with udp, seen(run, tell):
+                run.await_step(30)
+                counters = status(run)
+                assert run.await_end() == 0
+                said, _ = bridge.communicate(timeout=DEADLINE_S)
+    assert bridge.returncode == 0
+    assert "the run has ended" in said
+    assert counters["received"] >= 60
+    assert counters["rejected line"] + counters["rejected range_m"] == counters["rejected"]
+    assert abs(counters["decoded"] - counters["rejected line"]) <= 1
+    nees = nees_of_visitor(path)
+    assert len(nees) >= STEPS / 2
+    assert max(nees) < NEES_LIMIT
+    assert outputs(path) == refused(path)
+
+
+def test_a_connection_that_dies_in_mid_line_costs_that_line(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with LiveRun(SCENARIO, path, RunOptions(rate="10")) as run, FaultyServer() as server:
+        told: list[bytes] = []
+
+        def tell(line: bytes) -> None:
+            told.append(line)
+            if len(told) % 10:
+                server.tell(line)
+            else:
+                server.die_in_the_middle_of(line)
+
+        where = ["--tcp", server.address, *bridge_options(run)]
+        with started("-m", "crossfix", "bridge", "jsonl", *where) as bridge:
+            await_line(bridge, "takes part")
+            with seen(run, tell):
+                assert run.await_end() == 0
+            said, _ = bridge.communicate(timeout=DEADLINE_S)
+    assert len(told) >= STEPS / 2
+    deaths = len(told) // 10
+    assert f"rejected {deaths} (line: {deaths})" in said
+    reports = [r for r in messages(path, keys.REPORT, SourceReport) if r.carrier == "visitor"]
+    assert len(told) - deaths - 1 <= len(reports) <= len(told) - deaths
+    assert max(nees_of_visitor(path)) < NEES_LIMIT
+
+
+def test_a_run_comes_out_as_lines(tmp_path: Path) -> None:
+    with LiveRun(SCENARIO, tmp_path / "run.mcap", SLOW) as run:
+        where = ["--run", run.run, "--connect", run.endpoint]
+        topics = ["--topic", "correction", "--topic", "report"]
+        with started("-m", "crossfix", "bridge", "jsonl", "--out", *where, *topics) as printing:
+            await_line(printing, "listening")
+            assert run.await_end() == 0
+            out, _ = printing.communicate(timeout=DEADLINE_S)
+    assert printing.returncode == 0
+    lines = [json.loads(line) for line in out.splitlines()]
+    applied = [line["step"] for line in lines if line.get("state") == "applied"]
+    assert applied == list(range(applied[0], STEPS + 1))
+    for carrier in ("alpha", "bravo"):
+        reports = [line for line in lines if line["topic"] == "report"]
+        seqs = [report["seq"] for report in reports if report["carrier"] == carrier]
+        assert seqs == list(range(seqs[0], STEPS + 1))
+    assert {line["topic"] for line in lines} == {"correction", "report"}
+
+
+def status(run: LiveRun) -> dict[str, int]:
+    """What the bridge has counted, by the command that asks it."""
+    where = ["--run", run.run, "--connect", run.endpoint]
+    with started("-m", "crossfix", "bridge", "status", "visitor", *where) as asking:
+        out, _ = asking.communicate(timeout=DEADLINE_S)
+    assert asking.returncode == 0
+    counters: dict[str, int] = json.loads(out)
+    return counters
+
+
+@contextmanager
+def free_port() -> Iterator[int]:
+    """A UDP port that nobody listens on."""
+    with socket.socket(type=socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = int(probe.getsockname()[1])
+    yield port
