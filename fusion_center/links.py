@@ -112,7 +112,8 @@ def _after_news(state: State, name: str, link: Link, views: Views, tally: Tally)
     pairs = registration.with_bearings(pairs, own, other)
     found, nis = None, np.zeros(0)
     if pairs:
-        found, nis = registration.register(own, other, pairs, prior, between)
+        method = state.settings.registration.method
+        found, nis = registration.register(own, other, pairs, prior, between, method)
     tally.registered((state.own, name), own, other, pairs, nis)
     judged, adopted = monitor.after_registration(link.monitor, found, state.settings.monitor)
     return Link(monitor=judged, estimate=found if adopted else link.estimate)

@@ -171,4 +171,5 @@ def _correction(state: State, closed: Closed, carrier: str, seq: int) -> Correct
         pairs=estimate.pairs,
         chi2=estimate.chi2,
         dof=estimate.dof,
+        method=estimate.method,
     )

@@ -1,13 +1,14 @@
 """Where an other carrier's frame lies against the own one, from the pairs of one instant.
 
-The method is paper 000's closed form, memoryless: the pairs of this instant and the prior. The
+Memoryless: the pairs of this instant and the prior, by paper 000's closed form or, where the
+settings ask for it, by the exact adjustment (and by the closed form where that does not end). The
 known difference of the two tangent planes is taken out through ECEF first, so that only the
 residual (offset, c1, c2) is left to the paper's flat algebra.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace as with_fields
 from typing import NamedTuple
 
@@ -29,12 +30,12 @@ from estimation.relative_frame import (
     PolarLogs,
     RelativeFrame,
     RelativeFramePrior,
-    closed_form,
     directions,
     in_own_axes,
     prior_in_own_axes,
 )
 from estimation.relative_frame.closed_form import conditions
+from estimation.relative_frame.methods import Method, adjustment, linearised_once
 from schemas.messages import Direction, FixedAxes, OwnAxes, Pose
 
 from .association import Pair
@@ -42,6 +43,7 @@ from .navigation import site, symmetric, upper_triangle
 from .sightings import Sightings
 from .state import Estimate
 
+METHODS: Mapping[str, Method] = {"closed_form": linearised_once, "adjustment": adjustment}
 LEAST_SIGMA_M, LEAST_SIGMA_RAD = 1e-3, 1e-7
 """A prior is never surer than this, so that every ratio to it exists."""
 LEAST_RANGE_M = 1.0
@@ -118,16 +120,22 @@ def register(
     pairs: Sequence[Pair],
     prior: RelativeFramePrior,
     between: Poses,
+    method: str = "closed_form",
 ) -> tuple[Estimate, Array]:
     """The frame from one or more pairs, and each pair's normalised squared misclosure (L,).
 
     Args:
         other: its places along the axes of the own plane.
+        method: one of `METHODS`.
     """
     own_logs = _polar(own, [pair.own for pair in pairs])
     other_logs = _polar(other, [pair.other for pair in pairs])
-    frame = closed_form(own_logs, other_logs, prior)
-    in_own, before = in_own_axes(frame, prior), prior_in_own_axes(prior)
+    registered = METHODS[method](own_logs, other_logs, prior)
+    if not registered.converged:
+        method = "closed_form"
+        registered = METHODS[method](own_logs, other_logs, prior)
+    in_own, frame = registered.own_axes, registered.fixed
+    before = prior_in_own_axes(prior)
     found = directions(in_own.covariance, before.covariance)
     estimate = Estimate(
         valid_t_ns=between.t_ns,
@@ -141,6 +149,7 @@ def register(
         pairs=frame.pairs,
         chi2=min(max(float(frame.chi2), 0.0), 1e18),
         dof=frame.dof,
+        method=method,
     )
     return estimate, _after_correction(own_logs, other_logs, prior, frame)
 

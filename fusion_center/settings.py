@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
-from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 import msgspec
 from msgspec import Meta, Struct
@@ -71,6 +71,15 @@ class AssociationSettings(Struct, frozen=True, kw_only=True):
     ] = 1000
 
 
+class RegistrationSettings(Struct, frozen=True, kw_only=True):
+    """How the frame of another carrier is estimated from associated pairs."""
+
+    method: Annotated[
+        Literal["closed_form", "adjustment"],
+        Meta(description="paper 000 as published, or the exact iterated adjustment in own axes"),
+    ] = "closed_form"
+
+
 class MonitorSettings(Struct, frozen=True, kw_only=True):
     """When a correction is applied, and when no longer; all counted in report events."""
 
@@ -101,6 +110,7 @@ class Settings(Struct, frozen=True, kw_only=True):
     logs: LogSettings = LogSettings()
     navigation: NavigationSettings = NavigationSettings()
     association: AssociationSettings = AssociationSettings()
+    registration: RegistrationSettings = RegistrationSettings()
     monitor: MonitorSettings = MonitorSettings()
 
 
@@ -184,6 +194,8 @@ def _meta(kind: Any) -> Meta:
 def _limits(kind: Any) -> str:
     """Type and limits in words: `float > 0 and <= 10000`."""
     base, meta = get_args(kind)
+    if get_origin(base) is Literal:
+        return " or ".join(get_args(base))
     if meta.pattern is not None:
         return "an id ([a-z0-9_-], up to 32) or nothing"
     bounds = [

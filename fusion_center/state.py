@@ -119,6 +119,7 @@ class Estimate(Struct, frozen=True, kw_only=True):
     pairs: int
     chi2: float
     dof: int
+    method: str = "closed_form"
 
 
 class Monitor(Struct, frozen=True, kw_only=True):

@@ -97,7 +97,7 @@ def test_an_event_recorded_after_its_closed_is_in_time() -> None:
 def test_an_event_that_comes_too_late_is_an_error() -> None:
     scene = two_ships(8)
     with pytest.raises(RecordingError, match="after its step"):
-        list(fuse([*recorded(scene, told(scene)), suspend(2)]))
+        list(fuse([*recorded(scene, told(scene)), suspend(2)], ahead=1))
 
 
 def test_a_message_may_be_recorded_after_the_closed_that_names_it() -> None:
