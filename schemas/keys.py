@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from enum import StrEnum
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 from msgspec import Struct
@@ -155,6 +155,7 @@ def require_id(text: str) -> str:
     return text
 
 
+@lru_cache(4096)  # a process hears thousands of messages a second under a few dozen keys
 def parse(key: str) -> Address:
     """Understand a key from the wire, trusting nothing in it.
 
