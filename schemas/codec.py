@@ -9,9 +9,12 @@ import msgspec
 
 from .errors import WireError
 from .json_integers import restorer
+from .messages import Input
 
 T = TypeVar("T", bound=msgspec.Struct)
 MAX_PAYLOAD_BYTES = 8 * 1024 * 1024
+MAX_INPUT_BYTES = 2 * 1024 * 1024
+"""Of what a carrier says: anybody may send it, and decoding takes time and a multiple of memory."""
 _MSGPACK = msgspec.msgpack.Encoder()
 
 
@@ -27,12 +30,7 @@ def encode(message: msgspec.Struct) -> bytes:
         WireError: larger than the bus carries.
     """
     payload = _MSGPACK.encode(message)
-    if len(payload) > MAX_PAYLOAD_BYTES:
-        raise WireError(
-            f"{type(message).__name__} too large",
-            got=len(payload),
-            expected=f"<= {MAX_PAYLOAD_BYTES} bytes",
-        )
+    _require_size(type(message), payload)
     return payload
 
 
@@ -51,14 +49,21 @@ def decode(message: type[T], payload: bytes, encoding: str = "") -> T:
     Raises:
         WireError: the field, what was got and what was expected.
     """
-    if len(payload) > MAX_PAYLOAD_BYTES:
-        raise WireError("payload too large", where=message.__name__, got=len(payload))
+    _require_size(message, payload)
     try:
         if "json" in encoding:
             return msgspec.convert(restorer(message)(msgspec.json.decode(payload)), message)
         return _decoder(message).decode(payload)  # type: ignore[no-any-return]
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError, OverflowError) as error:
         raise WireError(str(error), where=message.__name__) from None
+
+
+def _require_size(message: type[msgspec.Struct], payload: bytes) -> None:
+    most = MAX_INPUT_BYTES if issubclass(message, Input) else MAX_PAYLOAD_BYTES
+    if len(payload) > most:
+        raise WireError(
+            f"{message.__name__} too large", got=len(payload), expected=f"<= {most} bytes"
+        )
 
 
 @cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
@@ -179,6 +180,10 @@ Sigmas = list[Sigma | None] | None
 Triangles = list[Triangle | None] | None
 
 
+MAX_LOGS = 10_000
+"""Target logs in one report."""
+
+
 class SourceReport(Input, frozen=True, kw_only=True, omit_defaults=True):
     """The target logs of one source at one instant, as columns of equal length.
 
@@ -243,12 +248,16 @@ class SourceReport(Input, frozen=True, kw_only=True, omit_defaults=True):
 
     def __len__(self) -> int:
         """Number of target logs."""
-        return next((len(c) for c in map(self.__getattribute__, COLUMNS) if c is not None), 0)
+        return next((len(column) for column in _columns(self) if column is not None), 0)
 
     def __post_init__(self) -> None:
-        count = len(self)
-        for name in COLUMNS:
-            _require_length(name, getattr(self, name), count)
+        lengths = {len(column) for column in _columns(self) if column is not None}
+        count = len(self) if lengths else 0
+        if count > MAX_LOGS:
+            raise ValueError(f"got {count} logs, expected at most {MAX_LOGS}: send several reports")
+        if len(lengths) > 1:
+            for name, column in zip(COLUMNS, _columns(self), strict=True):
+                _require_length(name, column, count)
         for name, feature in self.features.items():
             _require_length(f"features.{name}.values", feature.values, count)
             _require_length(f"features.{name}.sigmas", feature.sigmas, count)
@@ -263,6 +272,7 @@ COLUMNS = tuple(
     if name not in (*Input.__struct_fields__, "swept", "features")
 )
 """Every column of a report, in the order of the message."""
+_columns = attrgetter(*COLUMNS)
 
 
 def _require_length(name: str, column: Sequence[object] | None, count: int) -> None:

@@ -179,8 +179,17 @@ def test_size_is_bounded_both_ways() -> None:
     huge = m.TruthScenario(name="a", seed=1, text="x" * codec.MAX_PAYLOAD_BYTES)
     with pytest.raises(WireError, match="TruthScenario too large; got 83"):
         codec.encode(huge)
-    with pytest.raises(WireError, match="payload too large"):
+    with pytest.raises(WireError, match="TruthScenario too large"):
         codec.decode(m.TruthScenario, bytes(codec.MAX_PAYLOAD_BYTES + 1))
+
+
+def test_what_anybody_may_say_is_bounded_in_bytes_and_in_logs() -> None:
+    with pytest.raises(WireError, match="SourceReport too large"):
+        codec.decode(m.SourceReport, bytes(codec.MAX_INPUT_BYTES + 1))
+    envelope = {"carrier": "a", "boot": "b", "stream": "s", "seq": 1, "t_ns": 1}
+    many = msgpack.packb({**envelope, "covariance_position": [[1, 0, 1]] * 100_000})
+    with pytest.raises(WireError, match="got 100000 logs, expected at most 10000"):
+        codec.decode(m.SourceReport, many)
 
 
 def test_encoding_names_form_and_message() -> None:
