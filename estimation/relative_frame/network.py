@@ -139,18 +139,16 @@ def network_adjustment(logs: NetworkLogs, prior: NetworkPrior) -> NetworkFrames:
         shift = times(normal.target_inverse, normal.target_vector - normal.cross @ moved)
         residual = _residual(logs, rows, moved, shift)
         z, targets, v = z + step, targets + shift, times(rows.back, residual)
-        frames, before = _frames(prior, root, z)[0], tangent
-        tangent = _frames(prior, root, z)[1]
+        frames, tangent = _frames(prior, root, z)
         still = count >= sharp and step @ whole @ step < _STILL**2
         if still:
             break
-    half = before @ np.linalg.inv(whole)
     return NetworkFrames(
         q_m=frames[:, :2],
         D_rad=wrap_pi(frames[:, 2]),
-        covariance=half @ before.T,
+        covariance=tangent @ inverse(whole) @ tangent.T,
         information=normal.matrix,
-        prior_covariance=before @ before.T,
+        prior_covariance=tangent @ tangent.T,
         targets_m=targets,
         chi2=float(np.square(residual).sum() + z @ z),
         dof=_dof(logs, normal),
