@@ -13,7 +13,7 @@ benches := $(basename $(notdir $(shell grep -l __main__ bench/*.py)))
 .DEFAULT_GOAL := help
 
 demo: $(VENV)/installed-view  ## run the default scenario end to end; the recording goes to recordings/
-	$(bin)/crossfix run scenarios/strait.toml $(ARGS)
+	$(bin)/crossfix run scenarios/strait.toml --verify $(ARGS)
 
 test: $(VENV)/installed-test  ## all tests but the slow ones; ARGS="-k name" picks some
 	$(bin)/python -m pytest $(ARGS)

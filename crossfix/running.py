@@ -15,7 +15,9 @@ from schemas.messages import DeclaredScenario
 from sim_world.scenario import load_scenario, parse_override
 
 from .commands.run import RunOptions
+from .commands.verify import verify
 from .launch import Child, Launch, free_endpoint
+from .new_file import new_recording, require_new
 from .progress import Watcher, new_console
 from .table import show_frames
 
@@ -31,7 +33,7 @@ def carry_out(path: Path, options: RunOptions) -> int:
     """
     declared = _checked(path, options)
     run = keys.require_id(options.name or declared.name)
-    recording = options.output or _new_recording(run)
+    recording = options.output or new_recording(run)
     console = new_console()
     endpoint = options.connect or free_endpoint()
     with (
@@ -48,6 +50,8 @@ def carry_out(path: Path, options: RunOptions) -> int:
     if recording.exists():
         console.print(f"recording: {recording}", highlight=False)
         show_frames(recording, as_json=options.json)
+        if options.verify:
+            code = code or verify(recording, refuse=True)
     return code
 
 
@@ -63,8 +67,8 @@ def _checked(path: Path, options: RunOptions) -> DeclaredScenario:
     World(scenario)  # reads recorded tracks, if there are any
     if options.rate != "max":
         _positive(options.rate)
-    if options.output and options.output.exists():
-        raise LaunchError("exists already", where=str(options.output), expected="a new file")
+    if options.output:
+        require_new(options.output)
     return scenario.declared
 
 
@@ -80,17 +84,6 @@ def _positive(rate: str) -> None:
         good = False
     if not good:
         raise CrossfixError("--rate", got=rate, expected="max or a number above 0")
-
-
-def _new_recording(run: str) -> Path:
-    """A file that does not exist: nothing is ever overwritten."""
-    folder = Path("recordings")
-    folder.mkdir(exist_ok=True)
-    path, number = folder / f"{run}.mcap", 1
-    while path.exists():
-        number += 1
-        path = folder / f"{run}-{number}.mcap"
-    return path
 
 
 def processes(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +14,7 @@ from crossfix.commands import ENDPOINT
 def fusion(
     *,
     run: str,
-    output: Annotated[Path, Parameter(alias="-o")],
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
     connect: str = ENDPOINT,
     max_loss: float = 0.25,
     lateness: float = 0.2,
@@ -27,14 +28,18 @@ def fusion(
 
     Args:
         run: name of the run.
-        output: recording to write; must not exist.
+        output: recording to write; by default a new file in `recordings/`, never an old one.
         connect: endpoint of the hub.
         max_loss: seconds of recording that a crash may cost.
         lateness: seconds after which a step of a paced run is closed.
         start_timeout: seconds to wait for the hub and the world.
     """
     from crossfix.launch import become
+    from crossfix.new_file import new_recording, require_new
+    from schemas.keys import require_id
 
-    arguments = ["--run", run, "--output", str(output), "--connect", connect]
+    recording = require_new(output) if output else new_recording(require_id(run))
+    print(f"recording: {recording}", file=sys.stderr)
+    arguments = ["--run", run, "--output", str(recording), "--connect", connect]
     arguments += ["--max-loss", str(max_loss), "--lateness", str(lateness)]
     return become("fusion_center", [*arguments, "--start-timeout", str(start_timeout)])

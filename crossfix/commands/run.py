@@ -27,6 +27,7 @@ class RunOptions:
         step_timeout: seconds after which a carrier that does not answer is given up.
         max_loss: seconds of recording that a crash may cost.
         delay: each carrier waits a random time up to this in each step; it changes no result.
+        verify: fuse the recording again at the end and compare every byte of its outputs.
         json: print the table as JSON on stdout.
     """
 
@@ -41,6 +42,7 @@ class RunOptions:
     step_timeout: float = 10.0
     max_loss: float = 0.25
     delay: float = 0.0
+    verify: Annotated[bool, Parameter(negative=())] = False
     json: Annotated[bool, Parameter(negative=())] = False
 
 
