@@ -9,9 +9,16 @@ from msgspec.structs import replace
 from schemas import keys
 from schemas.bus.ledger import StreamKey
 from schemas.bus.recovery import Gap
-from schemas.messages import Closed, DeclaredScenario, Step, StreamSpan
+from schemas.messages import Closed, DeclaredScenario, Step, StreamEnd, StreamSpan
 
 from .ingest import Ingest
+
+PATIENCE_S = 5.0
+"""A paced step that is due waits no longer than this for known gaps: nobody may stop the clock."""
+WINDOW = 64
+"""The world closes no step so far ahead of the fusion: it waits for its acknowledgement."""
+HELD_BACK_NS = 60 * 10**9
+"""A stamp further ahead of the newest granted step is wrong, and its message waits for nothing."""
 
 
 class Closing(Protocol):
@@ -41,7 +48,7 @@ class LockstepClosing:
     """
 
     def __init__(self, scenario: DeclaredScenario, ingest: Ingest) -> None:
-        self._ingest = ingest
+        self._scenario, self._ingest = scenario, ingest
         self._max_error_ns = round(scenario.max_clock_error_s * 1e9)
         self._waiting: dict[int, Closed] = {}
         self._step = 0
@@ -51,10 +58,15 @@ class LockstepClosing:
         self._members: set[str] = set()
         self._guests: set[str] = set()
 
-    def on_closed(self, closed: Closed) -> None:
-        """Take in what the world has closed."""
-        if closed.step > self._step:
-            self._waiting[closed.step] = closed
+    def on_closed(self, closed: Closed) -> str:
+        """Take in what the world has closed; why it cannot have been the world, else empty."""
+        if closed.step > min(self._scenario.steps, self._step + WINDOW):
+            return f"closes step {closed.step}, the fusion being at {self._step}"
+        if closed.t_ns != instant_ns(self._scenario, closed.step):
+            return f"closes step {closed.step} at another instant than its own"
+        if closed.step > self._step and self._waiting.setdefault(closed.step, closed) != closed:
+            return f"step {closed.step} is closed already, and otherwise"
+        return ""
 
     def on_step(self, step: Step, now_s: float) -> None:
         """A granted step says that all before it are closed."""
@@ -95,7 +107,7 @@ class LockstepClosing:
             return None
         del self._waiting[closed.step]
         self._step = closed.step
-        others = self._ingest.ends(closed.t_ns + self._max_error_ns, only_stepless=True)
+        others = self._guests_ends(closed)
         come, gone = self._mind_guests(closed, {end.carrier for end in others})
         gave_up, self._gave_up = self._gave_up, []
         return replace(
@@ -106,6 +118,14 @@ class LockstepClosing:
             joined=closed.joined + come,
             lost=closed.lost + gone,
         )
+
+    def _guests_ends(self, closed: Closed) -> list[StreamEnd]:
+        """How far publishers have come that answer no steps; a member's answer speaks for it."""
+        members = (self._members | set(closed.joined)) - set(closed.lost)
+        until_ns = closed.t_ns + self._max_error_ns
+        newest_ns = instant_ns(self._scenario, self._granted + 1)
+        ends = self._ingest.ends(until_ns, True, newest_ns + self._max_error_ns + HELD_BACK_NS)
+        return [end for end in ends if end.carrier not in members]
 
     def _mind_guests(self, closed: Closed, heard: set[str]) -> tuple[list[str], list[str]]:
         """Guests that take part from this Closed on, and those that no longer do."""
@@ -120,8 +140,8 @@ class LockstepClosing:
 class PacedClosing:
     """Closes every step of the scenario a fixed time after it was granted, with what is here.
 
-    A gap below a message that has come is waited for until it is filled or hopeless; a message
-    that nobody knows of yet is not.
+    A gap below a message that has come is waited for until it is filled or hopeless, within
+    `PATIENCE_S`; a message that nobody knows of yet is not.
     """
 
     def __init__(self, scenario: DeclaredScenario, ingest: Ingest, lateness_s: float) -> None:
@@ -157,15 +177,18 @@ class PacedClosing:
     def next(self, now_s: float) -> Closed | None:
         """The next step once it is due and no known gap is open."""
         number = self._step + 1
-        if number not in self._due_s or now_s < self._due_s[number] or self._ingest.gaps():
+        due_s = self._due_s.get(number, float("inf"))
+        if now_s < due_s or (now_s < due_s + PATIENCE_S and self._ingest.gaps()):
             return None
+        newest_ns = instant_ns(self._scenario, max(self._due_s))
         del self._due_s[number]
         self._step = number
-        t_ns = self._scenario.epoch_ns + number * self._scenario.step_ns
+        t_ns = instant_ns(self._scenario, number)
+        far_ns = newest_ns + self._max_error_ns + HELD_BACK_NS
         closed = Closed(
             step=number,
             t_ns=t_ns,
-            manifest=self._ingest.ends(t_ns + self._max_error_ns, only_stepless=False),
+            manifest=self._ingest.ends(t_ns + self._max_error_ns, False, far_ns),
             late=self._ingest.late(),
             gave_up=self._gave_up,
             joined=self._joined,
@@ -174,3 +197,17 @@ class PacedClosing:
         )
         self._gave_up, self._lost, self._joined = [], [], []
         return closed
+
+
+def instant_ns(scenario: DeclaredScenario, step: int) -> int:
+    """Scenario time of a step."""
+    return scenario.epoch_ns + step * scenario.step_ns
+
+
+def refusal(step: Step, scenario: DeclaredScenario) -> str:
+    """Why a step cannot be one of this run's; empty if it can."""
+    if step.step > scenario.steps:
+        return f"step {step.step} of {scenario.steps}"
+    if step.t_ns != instant_ns(scenario, step.step) and not step.ended:
+        return f"step {step.step} at another instant than its own"
+    return ""

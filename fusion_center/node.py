@@ -11,12 +11,13 @@ from schemas.bus.interface import Inbox, Liveness, Sample
 from schemas.bus.ledger import StreamKey
 from schemas.bus.member import Member
 from schemas.bus.recovery import Recovery
-from schemas.bus.roster import Life, Roster
+from schemas.bus.roster import Life
 from schemas.errors import WireError
 from schemas.messages import Closed, DeclaredScenario, Event, Health, Input, Step
 
 from . import pipeline
-from .closing import LockstepClosing, PacedClosing
+from .attendance import Attendance
+from .closing import LockstepClosing, PacedClosing, refusal
 from .ingest import Ingest
 from .operator import Operator
 from .recorder import Recorder
@@ -27,6 +28,8 @@ log = logging.getLogger("fusion")
 PUMP_S = 0.02
 REPEAT_S = 0.25
 HEALTH_S = 1.0
+MOST_NEWS = 100
+"""Sentences in one health message."""
 INPUTS = (keys.SOURCE, keys.REPORT, keys.NAVIGATION, keys.RANGING)
 
 
@@ -54,8 +57,8 @@ class FusionNode:
         self._delay = delay
         self._samples: Inbox[Sample] = Inbox(128 * 1024 * 1024)
         self._tokens: Inbox[Liveness] = Inbox()
-        self._roster = Roster()
-        self._ingest = Ingest()
+        self._attendance = Attendance(recorder.lives)
+        self._ingest = Ingest(recorder.lives, scenario.max_clock_error_s)
         self._lockstep = LockstepClosing(scenario, self._ingest)
         self._paced = PacedClosing(scenario, self._ingest, lateness_s)
         self._closing: LockstepClosing | PacedClosing = self._lockstep
@@ -64,8 +67,6 @@ class FusionNode:
         self._state = pipeline.initial(scenario, settings)
         self._step = 0
         self._ended: Step | None = None
-        self._known: set[str] = set()
-        self._lost: set[str] = set()
         self._alarmed = False
         self._news: list[str] = []
         self._acked = -1
@@ -82,10 +83,11 @@ class FusionNode:
         """The whole life of the fusion centre; the reason why it ended."""
         self._open()
         while not self._is_over():
-            for sample in self._samples.take(PUMP_S):
-                self._note(sample)
+            samples = self._samples.take(PUMP_S)
             now_s = time.monotonic()
             self._mind_the_roster(now_s)
+            for sample in samples:
+                self._note(sample)
             self._mind_the_recorder()
             while (closed := self._closing.next(now_s)) is not None:
                 self._fuse(closed)
@@ -111,27 +113,36 @@ class FusionNode:
         if sample.key not in self._control_keys():
             self._ingest.accept(sample)
             return
+        topic = keys.parse(sample.key).topic
         try:
-            message = codec.decode(
-                keys.parse(sample.key).topic.message, sample.payload, sample.encoding
-            )
+            message = codec.decode(topic.message, sample.payload, sample.encoding)
         except WireError as error:
-            log.warning("refused a message: %s", error)
+            self._ingest.refuse(keys.WORLD, topic.name, str(error))
             return
+        reason = ""
         if isinstance(message, Closed):
-            self._lockstep.on_closed(message)
+            reason = self._lockstep.on_closed(message)
         elif isinstance(message, Step):
-            self._on_step(message)
+            reason = self._on_step(message)
+        if reason:
+            self._ingest.refuse(keys.WORLD, topic.name, reason)
 
     def _control_keys(self) -> tuple[str, str]:
         run = self._member.run
         return keys.STEP.key(run), keys.CLOSED_WORLD.key(run)
 
-    def _on_step(self, step: Step) -> None:
+    def _on_step(self, step: Step) -> str:
+        """Go on to a step; why it is none of this run's world, empty if it is."""
+        lives = self._recorder.lives
+        if lives.has(keys.WORLD) and Life(keys.WORLD, step.boot) not in lives:
+            return f"boot {step.boot} is no world of this run"
+        if reason := refusal(step, self._scenario):
+            return reason
         if step.ended:
             self._ended = step
         self._closing = self._lockstep if step.mode == "lockstep" else self._paced
         self._closing.on_step(step, time.monotonic())
+        return ""
 
     def _fuse(self, closed: Closed) -> None:
         """Fuse one Closed: the same call as in replay and in every test."""
@@ -148,15 +159,17 @@ class FusionNode:
 
     def _mind_the_roster(self, now_s: float) -> None:
         up = self._member.buses.control.link_up()
-        for life in self._roster.update(self._tokens.take(), up, now_s):
-            self._on_loss(life)
-        carriers = {life.process for life in self._roster.present}
-        for carrier in sorted(carriers - self._known - set(keys.RESERVED_PROCESSES)):
-            self._known.add(carrier)
-            self._lost.discard(carrier)
-            self._news.append(f"carrier {carrier} has come")
-            for closing in (self._lockstep, self._paced):
+        changes = self._attendance.update(self._tokens.take(), up, now_s)
+        self._news += changes.news
+        if changes.world_lost:
+            self._stop = self._stop or "the world is lost"
+        for closing in (self._lockstep, self._paced):
+            for carrier in changes.gone:
+                closing.on_lost(carrier)
+            for carrier in changes.come:
                 closing.on_joined(carrier)
+        if changes.gone:
+            self._health_s = float("-inf")
 
     def _mind_the_recorder(self) -> None:
         error = self._recorder.error()
@@ -164,18 +177,6 @@ class FusionNode:
             self._alarmed = True
             self._news.append(f"ALARM: {error}; the fusion goes on without a recording")
             self._health_s = float("-inf")
-
-    def _on_loss(self, life: Life) -> None:
-        if life.process == keys.WORLD:
-            self._stop = self._stop or "the world is lost"
-        if life.process in keys.RESERVED_PROCESSES or self._roster.has(life.process):
-            return
-        self._known.discard(life.process)
-        self._lost.add(life.process)
-        self._news.append(f"carrier {life.process} is lost: its liveliness token is gone")
-        for closing in (self._lockstep, self._paced):
-            closing.on_lost(life.process)
-        self._health_s = float("-inf")
 
     def _say(self, now_s: float) -> None:
         """Acknowledge what is fused and recorded, and publish health and state."""
@@ -190,14 +191,15 @@ class FusionNode:
 
     def _publish_health(self, now_s: float) -> None:
         passed_s = now_s - self._health_s
-        news, self._news = self._news, []
+        self._news += self._attendance.strangers(self._ingest.waiting())
+        news, self._news = self._news[:MOST_NEWS], []
         busy_s, self._busy_s = self._busy_s, 0.0
         health = Health(
             centre=self._member.process,
             t_ns=time.time_ns(),
             step=self._step,
-            alive=sorted(self._known),
-            lost=sorted(self._lost),
+            alive=self._attendance.here,
+            lost=self._attendance.lost,
             news=news,
             streams=self._ingest.statistics(),
             queue_drops={"inputs": self._samples.drops},
@@ -230,7 +232,6 @@ class FusionNode:
         return {**self._ingest.claimed(), **of_fusion, **of_world}
 
     def _abandon_unclaimed(self) -> None:
-        for carrier in sorted(self._known | self._lost):
-            for boot in sorted(self._ingest.boots(carrier)):
-                if dropped := self._ingest.abandon(carrier, boot):
-                    self._news.append(f"{dropped} messages of {carrier} were never claimed")
+        for carrier, boot in self._ingest.waiting():
+            dropped = self._ingest.abandon(carrier, boot)
+            self._news.append(f"{dropped} messages of {carrier} were never claimed")

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from types import TracebackType
 
 import msgspec
 
@@ -16,11 +17,16 @@ from schemas.bus.latched import fetch
 from schemas.bus.ledger import Ledger, Seen, StreamKey
 from schemas.bus.member import Member
 from schemas.bus.recovery import Recovery
+from schemas.bus.roster import Life
 from schemas.errors import RecordingError, WireError
-from schemas.messages import DeclaredScenario, Statistics, TruthScenario
+from schemas.messages import DeclaredScenario, Statistics, Step, TruthScenario
 from schemas.recording.contents import RunEnd, RunHeader, hash_of, run_attachments
 from schemas.recording.fingerprint import installed_versions, numeric_fingerprint
 from schemas.recording.writer import RecordingWriter
+
+from .counts import MAX_COUNT, UNKNOWN, StreamCounts
+from .lives import Lives
+from .screening import Screen, Screened, Source, source_of
 
 log = logging.getLogger("recorder")
 
@@ -29,15 +35,6 @@ STATISTICS_S = 1.0
 HOLD_BACK_BYTES = 16 * 1024 * 1024
 """A queue longer than this holds back the acknowledgement of the fusion centre."""
 FINISH_S = 10.0
-
-
-class _Head(msgspec.Struct):
-    """What every message has of its place in a stream; the rest is skipped, not decoded."""
-
-    boot: str = ""
-    seq: int = 0
-    step: int = 0
-    t_ns: int = 0
 
 
 def record_run(
@@ -67,29 +64,48 @@ def record_run(
     )
     attachments = run_attachments(scenario, truth, config)
     writer = RecordingWriter(path, header, attachments=attachments, max_loss_s=max_loss_s)
-    recorder = Recorder(member, writer, scenario.epoch_ns)
+    recorder = Recorder(member, writer, scenario)
     recorder.start(latched, hidden)
     return recorder, scenario
 
 
 class Recorder:
-    """Writes samples in order of arrival; gaps are fetched from their owners."""
+    """Writes samples in order of arrival; gaps are fetched from their owners.
 
-    def __init__(self, member: Member, writer: RecordingWriter, epoch_ns: int) -> None:
+    Attributes:
+        lives: who takes part, entered by the fusion centre; what others say is recorded too, as
+            far as there is room, but not missed.
+    """
+
+    def __init__(self, member: Member, writer: RecordingWriter, scenario: DeclaredScenario) -> None:
         self._member, self._writer = member, writer
         self._inbox: Inbox[Sample] = Inbox(256 * 1024 * 1024)
+        self.lives = Lives()
         self._ledger = Ledger()
+        self._screen = Screen(scenario, self.lives, self._ledger.forget)
+        self._counts = StreamCounts(self.lives)
         self._recovery = Recovery(member.run, member.buses.data, self._inbox)
-        self._msgpack = msgspec.msgpack.Decoder(_Head)
-        self._json = msgspec.json.Decoder(_Head, strict=False)
-        self._clock_ns = epoch_ns
-        self._received = self._rejected = self._gaps = 0
+        self._clock_ns = scenario.epoch_ns
+        self._received = self._gaps = 0
         self._statistics_s = float("-inf")
         self._finish_by_s = float("inf")
         self._expected: Mapping[StreamKey, int] = {}
         self._reason = "interrupted"
         self._error: RecordingError | None = None
         self._thread = threading.Thread(target=self._work, name="recorder")
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Seal what is there, if the fusion centre has failed to."""
+        if self._thread.is_alive():
+            self.finish(f"failed: {error}" if error else "stopped", {})
 
     def start(self, *latched: Sample) -> None:
         """Listen to everything of the run; `latched` are values published before this."""
@@ -113,7 +129,7 @@ class Recorder:
             "received": self._received,
             "recorded": self._writer.counts.recorded,
             "bytes": self._writer.counts.bytes,
-            "rejected": self._rejected,
+            "rejected": self._counts.rejected(),
             "dropped": self._inbox.drops,
             "fetched": self._recovery.fetched,
             "gaps": self._gaps,
@@ -145,42 +161,58 @@ class Recorder:
         """Write one sample; what cannot be recorded is counted with its reason."""
         self._received += 1
         try:
-            self._write(sample)
-        except (WireError, msgspec.MsgspecError, UnicodeDecodeError) as error:
-            self._rejected += 1
-            log.warning("not recorded: %s", error)
-
-    def _write(self, sample: Sample) -> None:
-        address = keys.parse(sample.key)
-        decoder = self._json if "json" in sample.encoding else self._msgpack
-        head = decoder.decode(sample.payload)
-        if not address.topic.recorded or self._is_repeated(address, head):
+            address = keys.parse(sample.key)
+        except WireError as error:
+            self._refuse(Source(UNKNOWN, UNKNOWN), error)
             return
-        if address.topic is keys.STEP:
-            self._clock_ns = max(self._clock_ns, head.t_ns)
+        if not address.topic.recorded:
+            return
+        try:
+            self._write(sample, self._screen.admit(address, sample))
+        except WireError as error:
+            self._refuse(source_of(address), error)
+
+    def _refuse(self, source: Source, error: WireError) -> None:
+        if self._counts.refuse(*source, str(error)):
+            log.warning("not recorded: %s %s: %s", *source, error)
+
+    def _write(self, sample: Sample, screened: Screened) -> None:
+        """Write a message unless it is here already.
+
+        Raises:
+            WireError: it cannot be accounted for, or written.
+        """
+        message, stream, seq = screened.message, screened.stream, screened.seq
+        if seq:
+            if self._ledger.is_absurd(stream, seq):
+                raise WireError(f"seq jumps from {self._ledger.highest(stream)}", got=seq)
+            seen = self._ledger.note(stream, seq)
+            if seen is Seen.DUPLICATE:
+                return
+            if seen is Seen.REFUSED:
+                raise WireError("more gaps in seq than can be remembered", got=seq)
+        if isinstance(message, Step):
+            self._clock_ns = max(self._clock_ns, message.t_ns)
         self._writer.write(
             sample.key,
             sample.payload,
             sample.encoding,
             log_time_ns=self._clock_ns,
-            publish_time_ns=head.t_ns,
-            sequence=head.seq or head.step,
+            publish_time_ns=screened.t_ns,
+            sequence=seq or getattr(message, "seq", 0) or getattr(message, "step", 0),
         )
 
-    def _is_repeated(self, address: keys.Address, head: _Head) -> bool:
-        seq = head.seq or head.step
-        if not seq or address.topic.role is keys.Role.STATUS:
-            return False
-        return self._ledger.note(_stream_key(address, head), seq) is Seen.DUPLICATE
-
     def _mind_the_gaps(self) -> None:
-        gaps = list(self._ledger.gaps())
+        gaps = [gap for gap in self._ledger.gaps() if self._is_missed(gap[0])]
         for key, last in self._expected.items():
             gaps += [(key, *span) for span in self._ledger.missing(key, last)]
         for key, first, last in self._recovery.pursue(gaps, time.monotonic()):
             self._ledger.give_up(key, first, last)
-            self._gaps += last - first + 1
+            self._gaps = min(MAX_COUNT, self._gaps + last - first + 1)
             log.warning("never had: %s %s %d..%d", key.process, key.stream, first, last)
+
+    def _is_missed(self, stream: StreamKey) -> bool:
+        return not stream.boot or Life(stream.process, stream.boot) in self.lives
 
     def _is_done(self) -> bool:
         now_s = time.monotonic()
@@ -211,17 +243,6 @@ class Recorder:
             recorded=self._writer.counts.recorded,
             dropped=self._inbox.drops,
             gaps=self._gaps,
+            rejected=self._counts.rejected(),
+            rejections=self._counts.rejections(),
         )
-
-
-def _stream_key(address: keys.Address, head: _Head) -> StreamKey:
-    """Streams of carriers count per boot; world and fusion centre have one boot a run."""
-    carrier = address.ids.get("carrier")
-    if address.topic.role is keys.Role.INPUT and carrier:
-        return StreamKey(carrier, head.boot, keys.stream(address))
-    truth = address.topic.role is keys.Role.TRUTH
-    owner = keys.WORLD if truth or address.topic in _OF_WORLD else keys.FUSION
-    return StreamKey(owner, "", keys.stream(address))
-
-
-_OF_WORLD = (keys.SCENARIO, keys.STEP, keys.CLOSED_WORLD)

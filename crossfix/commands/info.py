@@ -67,6 +67,14 @@ def losses(summary: Summary) -> str:
     return f"{end.dropped} dropped by the recorder, {end.gaps} never arrived, of {end.received}"
 
 
+def refusals(summary: Summary) -> str:
+    """Whose messages were refused for what they held, and why, in words."""
+    if summary.end is None:
+        return "unknown"
+    lines = [f"{source}: {told}" for source, told in summary.end.rejections.items()]
+    return "\n".join([str(summary.end.rejected), *lines]) if summary.end.rejected else "none"
+
+
 def _json(summary: Summary) -> str:
     import msgspec
 
@@ -88,6 +96,7 @@ def _facts(summary: Summary) -> RenderableType:
         "recorded": f"{_instant(header.created_ns)} by crossfix {_version(summary)}",
         "ending": ending(summary),
         "losses": losses(summary),
+        "refused": refusals(summary),
         "attached": ", ".join(summary.attachments),
     }
     table = Table.grid(padding=(0, 2))

@@ -11,6 +11,10 @@ from .spans import Spans
 
 MAX_SPANS = 4096
 """Separate runs of one stream that are remembered: more gaps than that are a fault of its own."""
+MAX_JUMP = 2**20
+"""A seq further than this beyond the last is no gap but a fault; nothing is lost so quickly."""
+MAX_FIRST = 2**53
+"""The greatest seq a stream can be met at: what every language counts exactly."""
 
 
 class StreamKey(NamedTuple):
@@ -69,6 +73,11 @@ class Ledger:
             return Seen.REFUSED
         stream.accounted.add(seq, seq)
         return Seen.NEW
+
+    def is_absurd(self, key: StreamKey, seq: int) -> bool:
+        """Whether a seq is so far from all others of its stream that it cannot be meant."""
+        highest = self.highest(key)
+        return seq > (highest + MAX_JUMP if highest else MAX_FIRST)
 
     def give_up(self, key: StreamKey, first: int, last: int) -> None:
         """Account for messages that will not be waited for; one that comes all the same is LATE."""

@@ -54,6 +54,8 @@ class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
         reason: finished, interrupted, or what went wrong.
         received: samples offered; recorded: messages in the file; dropped: lost by the recorder.
         gaps: messages that never arrived and could not be fetched again.
+        rejected: messages refused for what they held.
+        rejections: the same by source, as carrier/stream -> count and last reason.
     """
 
     reason: str
@@ -61,6 +63,8 @@ class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
     recorded: int = 0
     dropped: int = 0
     gaps: int = 0
+    rejected: int = 0
+    rejections: dict[str, str] = {}
 
 
 class Attachment(NamedTuple):

@@ -1,0 +1,142 @@
+"""What may go into a recording: every recorded message is whole, of this run, and of bounded kind.
+
+Whatever is recorded decodes again, and a message that is refused never takes the place of the one
+that is meant: a stream's next seq belongs to the first *valid* message that bears it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from msgspec import Struct
+
+from schemas import keys
+from schemas.bus.interface import Sample
+from schemas.bus.ledger import StreamKey
+from schemas.bus.roster import Life
+from schemas.errors import WireError
+from schemas.messages import (
+    Closed,
+    DeclaredScenario,
+    Input,
+    Step,
+    TruthCarriers,
+    TruthTargets,
+)
+from schemas.received import receive_at
+from schemas.recording.writer import MAX_ENCODING_CHARS
+
+from .closing import instant_ns, refusal
+from .lives import Door, Lives
+
+MAX_CHANNELS = {"member": 2048, "stranger": 512, "status": 512, "run": 1000}
+"""By whose they are; together no more than a recording takes."""
+
+
+class Screened(NamedTuple):
+    """A message that may be recorded, and its place in its stream (seq 0: it has none)."""
+
+    address: keys.Address
+    message: Struct
+    stream: StreamKey
+    seq: int
+    t_ns: int
+
+
+class Source(NamedTuple):
+    """Whom a message is counted for."""
+
+    carrier: str
+    stream: str
+
+
+class Screen:
+    """Looks at every sample before it is recorded.
+
+    Args:
+        forget: is told of streams that had to make room.
+    """
+
+    def __init__(
+        self, scenario: DeclaredScenario, lives: Lives, forget: Callable[[StreamKey], None]
+    ) -> None:
+        self._scenario, self._lives = scenario, lives
+        self._door = Door(lives, forget)
+        self._channels: dict[str, set[tuple[str, str]]] = {name: set() for name in MAX_CHANNELS}
+
+    def admit(self, address: keys.Address, sample: Sample) -> Screened:
+        """The message of a sample.
+
+        Raises:
+            WireError: why it may not be recorded.
+        """
+        message = receive_at(address, sample)
+        if address.ids.get("centre", keys.FUSION) != keys.FUSION:
+            raise WireError("of another fusion centre", got=address.ids["centre"])
+        if reason := self._is_of_another_run(message):
+            raise WireError(reason, where=sample.key)
+        stream = stream_key(address, message)
+        if isinstance(message, Input) and (reason := self._door.admit(stream)):
+            raise WireError(reason)
+        self._require_channel(address, stream, sample)
+        seq = getattr(message, "seq", 0) or getattr(message, "step", 0)
+        is_status = address.topic.role is keys.Role.STATUS
+        return Screened(
+            address, message, stream, 0 if is_status else seq, getattr(message, "t_ns", 0)
+        )
+
+    def _is_of_another_run(self, message: Struct) -> str:
+        """Why a message of world or fusion centre cannot be theirs; empty if it can."""
+        if isinstance(message, DeclaredScenario):
+            return "" if message == self._scenario else "another scenario"
+        of_world = isinstance(message, Step | TruthTargets | TruthCarriers)
+        if of_world and not self._is_world(getattr(message, "boot", "")):
+            return "of no world of this run"
+        if isinstance(message, Step):
+            return refusal(message, self._scenario)
+        if isinstance(message, Closed | TruthTargets | TruthCarriers):
+            right = message.t_ns == instant_ns(self._scenario, message.step)
+            return "" if right and message.step <= self._scenario.steps else "no step of this run"
+        return ""
+
+    def _is_world(self, boot: str) -> bool:
+        return Life(keys.WORLD, boot) in self._lives or not self._lives.has(keys.WORLD)
+
+    def _require_channel(self, address: keys.Address, stream: StreamKey, sample: Sample) -> None:
+        """A recording has so many channels; those of strangers must leave room for the others'."""
+        kind = "run"
+        if address.topic.role is keys.Role.STATUS:
+            kind = "status"
+        elif stream.boot:
+            kind = "member" if Life(stream.process, stream.boot) in self._lives else "stranger"
+        if len(sample.encoding) > MAX_ENCODING_CHARS or not sample.encoding.isascii():
+            raise WireError("no encoding", got=sample.encoding[:MAX_ENCODING_CHARS])
+        channels, channel = self._channels[kind], (sample.key, sample.encoding)
+        if channel not in channels and len(channels) >= MAX_CHANNELS[kind]:
+            raise WireError(f"more than {MAX_CHANNELS[kind]} keys and encodings of one kind")
+        channels.add(channel)
+
+
+def stream_key(address: keys.Address, message: Struct) -> StreamKey:
+    """Streams of carriers count per boot; world and fusion centre have one boot a run."""
+    if isinstance(message, Input):
+        return StreamKey(message.carrier, message.boot, message.stream)
+    return StreamKey(_owner(address.topic), "", keys.stream(address))
+
+
+def source_of(address: keys.Address) -> Source:
+    """Whom a message at this address is counted for."""
+    if "carrier" in address.ids and address.topic.role is keys.Role.INPUT:
+        return Source(address.ids["carrier"], keys.stream(address))
+    owner = address.ids.get("process") or address.ids.get("centre")
+    return Source(owner or _owner(address.topic), address.topic.name)
+
+
+def _owner(topic: keys.Topic) -> str:
+    """World or fusion centre, of what bears the name of no process."""
+    of_world = topic.role is keys.Role.TRUTH or topic in _OF_WORLD
+    return keys.WORLD if of_world else keys.FUSION
+
+
+_OF_WORLD = (keys.SCENARIO, keys.STEP, keys.CLOSED_WORLD)
