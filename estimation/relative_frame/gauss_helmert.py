@@ -25,6 +25,7 @@ from estimation.arrays import Array, transposed
 from estimation.relative_frame.logs import PolarLogs
 from estimation.relative_frame.matrices import Indices
 
+_FARTHEST = 8.0  # sigmas from what was measured at which a doubtful pair is linearised
 FRAME = 3  # parameters of the frame itself; sensor errors follow
 
 
@@ -34,6 +35,8 @@ class Measured(NamedTuple):
     Attributes:
         q_bb, q_bd, q_dd: covariance of (bearing, range) of every log.
         velocity_mps: (N, L, 2) of the targets in the other's axes, for its clock offset.
+        weights: (N, L) of the pairs in the criterion, all one unless given; a pair's own
+            corrections and chi2 do not depend on its weight.
     """
 
     bearing_rad: Array
@@ -42,18 +45,14 @@ class Measured(NamedTuple):
     q_bd: Array
     q_dd: Array
     velocity_mps: Array | None = None
+    weights: Array | None = None
 
     def of(self, which: Indices) -> Measured:
         """The experiments `which` (n,) of the N."""
         velocity = None if self.velocity_mps is None else self.velocity_mps[which]
+        weights = None if self.weights is None else self.weights[which]
         bearing, reach, q_bb, q_bd, q_dd = (array[:, which] for array in self[:5])
-        return Measured(bearing, reach, q_bb, q_bd, q_dd, velocity)
-
-    def weighted(self, weights: Array) -> Measured:
-        """Every pair with `weights` (N, L) times its information."""
-        return self._replace(
-            q_bb=self.q_bb / weights, q_bd=self.q_bd / weights, q_dd=self.q_dd / weights
-        )
+        return Measured(bearing, reach, q_bb, q_bd, q_dd, velocity, weights)
 
 
 class Linearised(NamedTuple):
@@ -74,10 +73,10 @@ class Linearised(NamedTuple):
     by_d_x: Array
     by_d_y: Array
 
-    @property
-    def gram(self) -> Array:
-        """(N, K + 1, K + 1): [H w]' S^-1 [H w] summed over the pairs."""
-        total: Array = np.sum(self.white @ transposed(self.white), axis=-3)
+    def gram(self, weights: Array | None = None) -> Array:
+        """(N, K + 1, K + 1): [H w]' S^-1 [H w] summed over the pairs, each by its weight."""
+        weighed = self.white if weights is None else self.white * weights[:, None, None]
+        total: Array = np.sum(weighed @ transposed(self.white), axis=-3)
         return total
 
 
@@ -186,4 +185,7 @@ def back_substituted(given: Measured, at: Linearised, step: Array) -> tuple[Arra
     v[0] = given.q_bb * along_b + given.q_bd * along_d
     v[1] = given.q_bd * along_b + given.q_dd * along_d
     v[:, 0] *= -1  # the other's position enters the condition with the other sign
-    return v, np.square(white).sum(axis=1)
+    chi2: Array = np.square(white).sum(axis=1)
+    if given.weights is not None:  # some pairs are wrong: do not follow them to other geometries
+        v *= np.minimum(1.0, _FARTHEST / np.sqrt(np.maximum(chi2, 1e-12)))
+    return v, chi2

@@ -76,7 +76,7 @@ def _step(
     """One step: where it leads, the measurements' corrections there, and its length^2 (N,)."""
     point, tangent = prior.at(z)
     at = linearise(given, v, point)
-    gram = at.gram
+    gram = at.gram(given.weights)
     information, vector = gram[:, :-1, :-1], -gram[:, :-1, -1:]
     normal = np.eye(z.shape[1]) + transposed(tangent) @ information @ tangent
     covariance = inverse(normal)

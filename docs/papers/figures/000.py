@@ -24,6 +24,7 @@ from estimation.relative_frame import adjustment, closed_form, closed_form_dense
 
 RUNS = 4000
 WIDTH, HEIGHT, MARGIN = 560, 360, 56
+LEFT, RIGHT = MARGIN + 12, WIDTH - MARGIN - 190  # of the legend: where no curve runs
 
 
 class Curve(NamedTuple):
@@ -36,7 +37,9 @@ class Curve(NamedTuple):
     dashed: bool = False
 
 
-def plot(name: str, title: str, x_label: str, y_label: str, curves: Sequence[Curve]) -> None:
+def plot(
+    name: str, title: str, labels: tuple[str, str], curves: Sequence[Curve], legend_x: int
+) -> None:
     """Write a plot with both axes logarithmic."""
     xs = [math.log10(x) for c in curves for x in c.x]
     ys = [math.log10(y) for c in curves for y in c.y]
@@ -53,8 +56,8 @@ def plot(name: str, title: str, x_label: str, y_label: str, curves: Sequence[Cur
         'font-family="sans-serif" font-size="12">',
         f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>',
         _label(WIDTH / 2, 24, title),
-        _label(WIDTH / 2, HEIGHT - 12, x_label),
-        f'<g transform="rotate(-90 16 {HEIGHT / 2})">{_label(16, HEIGHT / 2, y_label)}</g>',
+        _label(WIDTH / 2, HEIGHT - 12, labels[0]),
+        f'<g transform="rotate(-90 16 {HEIGHT / 2})">{_label(16, HEIGHT / 2, labels[1])}</g>',
     ]
     for x in _ticks(low_x, high_x):
         foot, head = at(x, 10**low_y), at(x, 10**high_y)
@@ -65,14 +68,17 @@ def plot(name: str, title: str, x_label: str, y_label: str, curves: Sequence[Cur
         parts += [_line([left, right], "#ddd", 1), label]
     for row, curve in enumerate(curves):
         points = [at(x, y) for x, y in zip(curve.x, curve.y, strict=True)]
-        parts += [_line(points, curve.colour, 2, dashed=curve.dashed), *_legend(row, curve)]
+        parts += [
+            _line(points, curve.colour, 2, dashed=curve.dashed),
+            *_legend(legend_x, row, curve),
+        ]
         if not curve.dashed:
             parts += [_dot(point, curve.colour) for point in points]
     (HERE / name).write_text("\n".join([*parts, "</svg>"]) + "\n", encoding="utf-8")
 
 
-def _legend(row: int, curve: Curve) -> list[str]:
-    left, height = WIDTH - MARGIN - 190, MARGIN + 12 + 17 * row
+def _legend(left: int, row: int, curve: Curve) -> list[str]:
+    height = MARGIN + 12 + 17 * row
     stroke = _line([(left, height), (left + 24, height)], curve.colour, 2, dashed=curve.dashed)
     return [stroke, _label(left + 30, height + 4, curve.name, "start")]
 
@@ -117,7 +123,8 @@ def ratio_against_length() -> None:
     ):
         curves.append(Curve(name, lengths, after[:, column].tolist(), colour))
         curves.append(Curve("its bound", lengths, bound[:, column].tolist(), colour, dashed=True))
-    plot("000-ratio.svg", "RMS error after / before", "L, common targets", "ratio", curves)
+    labels = "L, common targets", "ratio"
+    plot("000-ratio.svg", "RMS error after / before", labels, curves, RIGHT)
 
 
 def error_against_heading() -> None:
@@ -133,7 +140,7 @@ def error_against_heading() -> None:
         Curve("exact adjustment", sigmas, exact, "#26a"),
     ]
     title = "Location error / bound, L = 7, own axes"
-    plot("000-heading.svg", title, "heading sigma, deg", "RMSE / bound", curves)
+    plot("000-heading.svg", title, ("heading sigma, deg", "RMSE / bound"), curves, LEFT)
 
 
 def time_against_length() -> None:
@@ -150,7 +157,7 @@ def time_against_length() -> None:
             logs = logs_of(experiment(rng, (), pairs))
             times.append(seconds(lambda m=method, a=logs: m(*a)) * 1e3)
         curves.append(Curve(name, lengths, times, colour))
-    plot("000-time.svg", "Time of one registration", "L, common targets", "ms", curves)
+    plot("000-time.svg", "Time of one registration", ("L, common targets", "ms"), curves, LEFT)
 
 
 if __name__ == "__main__":
