@@ -201,10 +201,11 @@ def area_of(own: Side, other: Side) -> float:
     """Area [m^2] on which logs of both carriers lie, as their spread has it.
 
     Few logs tell little of their spread: each side is joined by four imagined logs at its carrier's
-    mean range, north, east, south and west of it. The smaller area counts: it makes pairs doubted.
+    mean range, north, east, south and west of it. Densities are averaged, not areas: a pair is
+    worth the less the denser the logs, so the error is on the side of doubt.
     """
-    areas = [_AREA_BY_SPREAD * _spread(side) for side in (own, other)]
-    return float(min(areas))
+    density = np.mean([1 / _spread(side) for side in (own, other)])
+    return _AREA_BY_SPREAD / float(density)
 
 
 def _spread(side: Side) -> float:
