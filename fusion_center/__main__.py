@@ -38,17 +38,17 @@ def _run(options: Namespace) -> int:
             recorder, scenario = record_run(
                 recorder_member, options.output, options.max_loss, options.start_timeout
             )
-            settings = settings_from(scenario.fusion)
-            node = FusionNode(
-                member,
-                scenario,
-                settings,
-                recorder,
-                lateness_s=options.lateness,
-                delay=lambda: time.sleep(options.delay),
-            )
-            on_signal(lambda: node.stop("interrupted"))
-            node.run()
+            with recorder:
+                node = FusionNode(
+                    member,
+                    scenario,
+                    settings_from(scenario.fusion),
+                    recorder,
+                    lateness_s=options.lateness,
+                    delay=lambda: time.sleep(options.delay),
+                )
+                on_signal(lambda: node.stop("interrupted"))
+                node.run()
             if recorder.error():
                 return 3
     finally:
