@@ -25,6 +25,8 @@ log = logging.getLogger("carrier")
 
 PUMP_S = 0.05
 READY_S = 0.5
+AHEAD = 64
+"""The world grants no step so far ahead of an answer in lock-step."""
 
 
 class CarrierNode:
@@ -109,12 +111,20 @@ class CarrierNode:
             return
         if isinstance(message, Step):
             self._on_step(message)
-        elif isinstance(message, TruthTargets):
+        elif isinstance(message, TruthTargets) and self._is_near(message.step):
             self._targets[message.step] = message
-        elif isinstance(message, TruthCarriers):
+        elif isinstance(message, TruthCarriers) and self._is_near(message.step):
             self._carriers[message.step] = message
 
+    def _is_near(self, step: int) -> bool:
+        """Whether the truth of a step is needed soon: what is refused can be fetched later."""
+        newest = self._granted[-1].step if self._granted else self._done
+        return len(self._targets) < AHEAD if newest is None else step <= newest + AHEAD
+
     def _on_step(self, step: Step) -> None:
+        worlds = self._roster.boots(keys.WORLD)
+        if worlds and step.boot not in worlds:
+            return  # of another, or of nobody
         if self._member.boot in step.given_up:
             self._restart()
         newest = self._granted[-1].step if self._granted else self._done
@@ -160,4 +170,5 @@ class CarrierNode:
     def _world_is_gone(self, now_s: float) -> bool:
         up = self._member.buses.control.link_up()
         lost = self._roster.update(self._tokens.take(), up, now_s)
-        return any(life.process == keys.WORLD for life in lost)
+        is_gone = any(life.process == keys.WORLD for life in lost)
+        return is_gone and not self._roster.has(keys.WORLD)

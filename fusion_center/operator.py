@@ -15,6 +15,8 @@ from schemas.messages import Answer, Closed, Command, Event
 from .orders import refusal
 from .settings import Settings
 
+MAX_COMMAND_BYTES = 64 * 1024
+MOST_WAITING = 100
 REMEMBERED = 1000
 """Ids of commands that are answered again and not carried out twice."""
 
@@ -62,6 +64,8 @@ class Operator:
 
     def _serve(self, key: str, payload: bytes) -> Iterable[Sample]:
         try:
+            if len(payload) > MAX_COMMAND_BYTES:
+                raise WireError("command too large", got=len(payload))
             answer = self._take(codec.decode(Command, payload))
         except WireError as error:
             answer = Answer(id="", taken=False, reason=str(error)[:1000])
@@ -69,6 +73,9 @@ class Operator:
 
     def _take(self, command: Command) -> Answer:
         with self._lock:
+            if len(self._waiting) >= MOST_WAITING:
+                busy = f"{MOST_WAITING} commands wait for the next step already"
+                return Answer(id=command.id, taken=False, reason=busy)
             if command.id not in self._answers:
                 reason = refusal(self._settings, command)
                 if not reason:

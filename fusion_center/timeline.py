@@ -20,6 +20,8 @@ SPANS_KEPT = 1000
 
 
 _Identity = tuple[str, str, str, int]
+_MOST = 2**62
+"""What a count may come to; a stream may be given up in spans of any length."""
 
 
 class Instant(NamedTuple):
@@ -182,7 +184,7 @@ def _is_in(spans: Iterable[StreamSpan], name: _Identity) -> bool:
 
 
 def _size(spans: Iterable[StreamSpan]) -> int:
-    return sum(span.last - span.first + 1 for span in spans)
+    return min(_MOST, sum(span.last - span.first + 1 for span in spans))
 
 
 def _less(span: StreamSpan, taken: Iterable[StreamSpan]) -> list[StreamSpan]:

@@ -9,12 +9,13 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from schemas import codec, keys
+from schemas import keys
 from schemas.bus.interface import Inbox, Liveness, Sample
 from schemas.bus.member import Member
 from schemas.bus.roster import Life, Roster
 from schemas.errors import LaunchError, WireError
 from schemas.messages import Ack, Closed, DeclaredScenario, Step, TruthScenario
+from schemas.received import receive
 
 from .world import World
 
@@ -26,6 +27,10 @@ RESEND_S = 0.25
 PUMP_S = 0.02
 LEAVE_S = 30.0
 """How long the fusion centre may go on without fusing anything more after the end."""
+MAX_ANSWERS = 1024
+"""Lives whose last answer is remembered; beyond it, only of those that are here."""
+LOGGED = frozenset(10**n for n in range(10))
+"""Which of many refusals are worth a line."""
 
 
 class Pace(NamedTuple):
@@ -58,7 +63,8 @@ class WorldNode:
         self._lost: list[str] = []
         self._joined: list[str] = []
         self._current = Step(boot=member.boot, step=0, t_ns=declared.epoch_ns)
-        self._closed = 0
+        self._granted = self._closed = 0
+        self._refused = 0
         self._sent_s = 0.0
         self._stop = ""
 
@@ -145,6 +151,7 @@ class WorldNode:
             final=step == self._declared.steps,
             given_up=self._given_up,
         )
+        self._granted = step
         self._say()
 
     def _close(self, step: int) -> None:
@@ -192,7 +199,8 @@ class WorldNode:
         return [life for life in self._taking_part if self._answers[life].step < step]
 
     def _fused(self) -> int:
-        steps = (ack.step for life, ack in self._answers.items() if life.process == keys.FUSION)
+        centres = (life for life in self._roster.present if life.process == keys.FUSION)
+        steps = (self._answers[life].step for life in centres if life in self._answers)
         return max(steps, default=0)
 
     def _has_room(self) -> bool:
@@ -225,24 +233,50 @@ class WorldNode:
             self._on_loss(life)
         if now_s - self._sent_s > RESEND_S and self._current.step:
             self._say()
-        self._member.beat(self._current.step, carriers=len(self._taking_part))
+        self._member.beat(
+            self._current.step, carriers=len(self._taking_part), refused=self._refused
+        )
 
     def _note(self, sample: Sample) -> None:
         try:
-            ack = codec.decode(Ack, sample.payload, sample.encoding)
+            ack = self._understood(sample)
         except WireError as error:
-            log.warning("refused an acknowledgement: %s", error)
+            self._refused += 1
+            if self._refused in LOGGED:
+                log.warning("refused an acknowledgement: %s", error)
             return
         life = Life(ack.process, ack.boot)
         before = self._answers.get(life)
         if before is None or ack.step >= before.step:
             self._answers[life] = ack
+        if len(self._answers) > MAX_ANSWERS:
+            kept = self._roster.present.union(self._taking_part)
+            self._answers = {who: said for who, said in self._answers.items() if who in kept}
+
+    def _understood(self, sample: Sample) -> Ack:
+        """An acknowledgement that its sender may have meant.
+
+        Raises:
+            WireError: it is none, speaks for somebody else, or of a step that was never granted.
+        """
+        ack = receive(sample).message
+        if not isinstance(ack, Ack):
+            raise WireError("no acknowledgement", got=sample.key)
+        if ack.step > self._granted:
+            raise WireError("of a step not granted yet", where=ack.process, got=ack.step)
+        if foreign := [e for e in ack.manifest if (e.carrier, e.boot) != (ack.process, ack.boot)]:
+            raise WireError("names streams of another", where=ack.process, got=foreign[0].carrier)
+        return ack
 
     def _on_loss(self, life: Life) -> None:
         self._answers.pop(life, None)
         if life in self._taking_part:
             self._give_up(life, "its liveliness token is gone")
-        elif life.process == keys.FUSION and not self._current.ended:
+        elif (
+            life.process == keys.FUSION
+            and not self._roster.has(keys.FUSION)
+            and not self._current.ended
+        ):
             self._stop = "the fusion centre is lost"
 
     def _say(self) -> None:

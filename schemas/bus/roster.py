@@ -12,6 +12,8 @@ from .interface import Liveness
 
 GRACE_S = 0.1
 """A token may go a moment before one's own lost link is noticed."""
+MAX_PRESENT = 4096
+"""Tokens beyond this are not followed."""
 RELINK_S = 3.0
 """After one's own link is back, a token has this long to reappear."""
 
@@ -66,7 +68,8 @@ class Roster:
             return
         life = Life(process, boot)
         if event.alive:
-            self.present.add(life)
+            if len(self.present) < MAX_PRESENT:
+                self.present.add(life)
             self._going.pop(life, None)
         elif life in self.present:
             self._going.setdefault(life, now_s)
