@@ -12,7 +12,7 @@ import argparse
 import json
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import zenoh
 
@@ -37,8 +37,17 @@ _HUB: Settings = {
 }
 
 
+def tell(endpoint: str) -> None:
+    """Print where the hub listens."""
+    sys.stdout.write(f"listening on {endpoint}\n")
+    sys.stdout.flush()
+
+
 def run_hub(
-    listen: str = DEFAULT_ENDPOINT, connect: Sequence[str] = (), strict: bool = True
+    listen: str = DEFAULT_ENDPOINT,
+    connect: Sequence[str] = (),
+    strict: bool = True,
+    ready: Callable[[str], None] = tell,
 ) -> None:
     """Route until SIGTERM or SIGINT; prints `listening on tcp/127.0.0.1:PORT` when ready.
 
@@ -48,6 +57,7 @@ def run_hub(
         listen: endpoint; port 0 takes a free one.
         connect: hubs to join, so that their processes and ours see each other.
         strict: a taken port is an error; otherwise a free one is used instead.
+        ready: called with the endpoint; threads it starts leave the signals to the hub.
 
     Raises:
         BusError: cannot listen there; says what to do.
@@ -56,8 +66,7 @@ def run_hub(
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
     try:
         session, endpoint = _open(listen, connect, strict)
-        sys.stdout.write(f"listening on {endpoint}\n")
-        sys.stdout.flush()
+        ready(endpoint)
         signal.sigwait(_SIGNALS)
         close_session(session, CLOSE_S)
     finally:
