@@ -13,7 +13,19 @@ from crossfix import __version__
 from schemas.bus.entry import pin_threads
 from schemas.errors import CrossfixError
 
-VERBS = ("run", "world", "carrier", "fusion", "hub", "info", "verify", "replay", "peek", "bridge")
+VERBS = (
+    "run",
+    "world",
+    "carrier",
+    "fusion",
+    "hub",
+    "info",
+    "verify",
+    "replay",
+    "peek",
+    "bridge",
+    "report",
+)
 """Verb `x` is the function `x` in `crossfix/commands/x.py`, which imports what is heavy inside."""
 
 BAD_USE = 2

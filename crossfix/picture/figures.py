@@ -1,0 +1,222 @@
+"""The figures of a recording: what the page, the Markdown and the JSON say in numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import hypot
+
+import numpy as np
+from msgspec import Struct
+from scipy.special import chdtri
+
+from crossfix.commands.info import ending
+from crossfix.evaluation import FrameSummary, summarise
+from schemas.recording.fingerprint import Fingerprint
+
+from .accounts import (
+    LossFigures,
+    News,
+    TimingFigures,
+    loss_figures,
+    news,
+    timing_figures,
+)
+from .series import FrameSeries
+from .story import Story
+
+DIMENSIONS = 3
+"""Of a correction: east, north, orientation."""
+CONFIDENCE = 0.95
+
+
+class TruthFigures(Struct, frozen=True, kw_only=True):
+    """A carrier's frame against the truth, root mean squares over the second half of the run.
+
+    Attributes:
+        corrections: how many that half has.
+        before_m, after_m: error of the place in own axes; fixed_*: in axes fixed to true north.
+        sigma_m, sigma_rad: claimed.
+        nees_per_dimension: 1 where sigma is honest.
+        nees_inside: share of single values inside their 95 % interval.
+    """
+
+    corrections: int
+    before_m: float
+    after_m: float
+    before_rad: float
+    after_rad: float
+    fixed_before_m: float
+    fixed_after_m: float
+    sigma_m: float
+    sigma_rad: float
+    nees_per_dimension: float
+    nees_inside: float
+
+
+class CarrierFigures(Struct, frozen=True, kw_only=True):
+    """The correction of one carrier.
+
+    Attributes:
+        state, reason: at the end.
+        applied_after_s: when it was first applied; None if never.
+        state_s: how long it was in each state.
+        moved_m, turned_rad: the last correction; None where there is none. sigma_*: its own.
+        pairs: target logs it rests on, mean over the second half.
+        truth: None where no truth is recorded.
+    """
+
+    name: str
+    state: str
+    reason: str
+    applied_after_s: float | None
+    state_s: dict[str, float]
+    moved_m: float | None
+    turned_rad: float | None
+    sigma_m: float | None
+    sigma_rad: float | None
+    pairs: float | None
+    truth: TruthFigures | None
+
+
+class Figures(Struct, frozen=True, kw_only=True):
+    """All of them.
+
+    Attributes:
+        notices: what a reader should know before reading the rest.
+        sampling: what of it is drawn only in part.
+    """
+
+    recording: str
+    bytes: int
+    messages: int
+    run: str
+    scenario: str
+    title: str
+    own: str
+    ending: str
+    has_truth: bool
+    notices: list[str]
+    sampling: list[str]
+    duration_s: float
+    steps: int
+    steps_declared: int
+    carriers: list[CarrierFigures]
+    losses: LossFigures
+    news: list[News]
+    timing: TimingFigures
+    recorded_ns: int
+    versions: dict[str, str]
+    fingerprint: Fingerprint
+    config_hash: str
+
+
+def figures_of(story: Story, series: Sequence[FrameSeries]) -> Figures:
+    """The figures of a story and of its corrections."""
+    header = story.summary.header
+    return Figures(
+        recording=story.summary.path,
+        bytes=story.summary.bytes,
+        messages=story.summary.messages,
+        run=header.run,
+        scenario=story.scenario.name,
+        title=story.scenario.title or story.scenario.name,
+        own=story.own,
+        ending=ending(story.summary),
+        has_truth=story.has_truth,
+        notices=notices(story, series),
+        sampling=sampling(story),
+        duration_s=story.time_s(story.end_ns),
+        steps=story.closings[-1].step if story.closings else 0,
+        steps_declared=story.scenario.steps,
+        carriers=[carrier_figures(s) for s in series],
+        losses=loss_figures(story),
+        news=news(story),
+        timing=timing_figures(story),
+        recorded_ns=header.created_ns,
+        versions=header.versions,
+        fingerprint=header.fingerprint,
+        config_hash=header.config_hash,
+    )
+
+
+def nees_interval() -> tuple[float, float]:
+    """Where 95 % of single NEES values per dimension lie when sigma is honest."""
+    rest = (1 - CONFIDENCE) / 2
+    low, high = (float(chdtri(DIMENSIONS, above)) for above in (1 - rest, rest))
+    return low / DIMENSIONS, high / DIMENSIONS
+
+
+def carrier_figures(series: FrameSeries) -> CarrierFigures:
+    """One carrier's."""
+    state_s: dict[str, float] = {}
+    for span in series.states:
+        state_s[span.name] = state_s.get(span.name, 0.0) + span.to_s - span.from_s
+    applied = [span.from_s for span in series.states if span.name == "applied"]
+    has_estimate = np.isfinite(series.estimate[:, 0])
+    last = np.flatnonzero(has_estimate)[-1] if has_estimate.any() else None
+    moved = None if last is None else series.estimate[last].tolist()
+    sigma = None if last is None else series.sigma[last].tolist()
+    pairs = series.pairs[has_estimate]
+    return CarrierFigures(
+        name=series.carrier,
+        state=series.last.state,
+        reason=series.last.reason,
+        applied_after_s=applied[0] if applied else None,
+        state_s=state_s,
+        moved_m=moved and hypot(*moved[:2]),
+        turned_rad=moved and moved[2],
+        sigma_m=sigma and hypot(*sigma[:2]),
+        sigma_rad=sigma and sigma[2],
+        pairs=float(pairs[len(pairs) // 2 :].mean()) if len(pairs) else None,
+        truth=_truth_figures(series) if series.errors else None,
+    )
+
+
+def _truth_figures(series: FrameSeries) -> TruthFigures:
+    summary: FrameSummary = summarise(series.carrier, series.errors, series.last)
+    late = series.errors[len(series.errors) // 2 :]
+    low, high = nees_interval()
+    inside = [low <= error.nees / DIMENSIONS <= high for error in late]
+    return TruthFigures(
+        corrections=summary.corrections,
+        before_m=summary.before_m,
+        after_m=summary.after_m,
+        before_rad=summary.before_rad,
+        after_rad=summary.after_rad,
+        fixed_before_m=summary.fixed_before_m,
+        fixed_after_m=summary.fixed_after_m,
+        sigma_m=summary.sigma_m,
+        sigma_rad=summary.sigma_rad,
+        nees_per_dimension=summary.nees / DIMENSIONS,
+        nees_inside=float(np.mean(inside)),
+    )
+
+
+def notices(story: Story, series: Sequence[FrameSeries]) -> list[str]:
+    """What a reader should know before reading the rest, as sentences."""
+    summary, found = story.summary, []
+    if summary.end is None:
+        found.append(f"The recording has no end: {summary.condition or 'nobody says why'}.")
+    elif summary.condition:
+        found.append(f"The file is not whole: {summary.condition}.")
+    if story.damage:
+        found.append(f"Reading ended early: {story.damage}. What lies before it is shown.")
+    if not story.has_truth:
+        found.append("No truth is recorded: errors and NEES cannot be shown, only what is claimed.")
+    if not any(np.isfinite(s.estimate).any() for s in series):
+        found.append("No correction was found in this recording.")
+    if not story.closings:
+        found.append("No instant was closed: nothing has been fused.")
+    if story.unreadable:
+        found.append(f"{story.unreadable} recorded messages are not valid and were passed over.")
+    return found
+
+
+def sampling(story: Story) -> list[str]:
+    """What of the tactical picture is drawn only in part, as sentences."""
+    found = []
+    if (every := max((r.every for r in story.reports.values()), default=1)) > 1:
+        found.append(f"One report in {every} of the busiest source is drawn.")
+    if (every := story.truth_targets.every) > 1:
+        found.append(f"True targets are drawn at one step in {every}.")
+    return found

@@ -1,0 +1,72 @@
+"""The report of a recording, in its three forms."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+
+import msgspec
+
+from schemas.errors import CrossfixError
+
+from .figures import Figures, figures_of
+from .markdown import markdown_page
+from .series import frame_series
+from .story import read_story
+
+
+def require_bokeh() -> None:
+    """Make sure that a page can be drawn, before any work is done for it.
+
+    Raises:
+        CrossfixError: bokeh is not installed; says how to get it.
+    """
+    if find_spec("bokeh") is None:
+        raise CrossfixError(
+            "the report is drawn with bokeh, which is not installed",
+            expected="pip install 'crossfix[view]' (--json and --md do without)",
+        )
+
+
+def write_page(recording: Path, output: Path) -> Figures:
+    """Draw a recording into one HTML file, in place of any that is there.
+
+    Raises:
+        RecordingError: the recording cannot be read.
+        CrossfixError: bokeh is missing, or the file cannot be written.
+    """
+    require_bokeh()
+    from .page import html_page
+
+    story = read_story(recording)
+    series = frame_series(story)
+    figures = figures_of(story, series)
+    if output.exists() and output.samefile(recording):
+        raise CrossfixError("the report would overwrite its recording", where=str(output))
+    try:
+        output.write_text(html_page(story, series, figures), encoding="utf-8")
+    except OSError as error:
+        raise CrossfixError(
+            "cannot write the report", where=str(output), got=error.strerror
+        ) from error
+    return figures
+
+
+def read_figures(recording: Path) -> Figures:
+    """The figures alone.
+
+    Raises:
+        RecordingError: the recording cannot be read.
+    """
+    story = read_story(recording)
+    return figures_of(story, frame_series(story))
+
+
+def as_json(figures: Figures) -> str:
+    """The figures as one JSON object."""
+    return msgspec.json.format(msgspec.json.encode(figures)).decode()
+
+
+def as_markdown(figures: Figures) -> str:
+    """The figures as a page of Markdown."""
+    return markdown_page(figures)

@@ -1,0 +1,204 @@
+"""What a recording tells, read once: everything the picture and its figures are made of."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import Counter, defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from msgspec import Struct
+
+from crossfix.table import own_carrier
+from schemas import keys
+from schemas import messages as m
+from schemas.errors import RecordingError, WireError
+from schemas.recording.reader import Recorded, Summary, open_recording, summary
+
+from .thinning import Thinned
+
+LOGS_PER_SOURCE = 8_000
+TARGET_POINTS = 40_000
+"""Bounds of what is drawn, so that a page stays small whatever the run was."""
+
+Source = tuple[str, str]
+"""Carrier and source id."""
+
+
+class Story(NamedTuple):
+    """A recording, decoded, in the order of its file.
+
+    Attributes:
+        own: the carrier whose axes the picture is in.
+        start_ns: the zero of all time axes.
+        end_ns: of the last Closed, or of the last of anything.
+        navigation: by carrier.
+        reports: of every source, thinned.
+        corrections: by carrier.
+        truth_carriers: empty where the run was no simulation.
+        flags: what looked wrong with a source, and at how many Closed messages.
+        unreadable: messages that could not be decoded.
+        damage: where reading ended before the file did; empty if it did not.
+    """
+
+    summary: Summary
+    scenario: m.DeclaredScenario
+    own: str
+    start_ns: int
+    end_ns: int
+    navigation: Mapping[str, Sequence[m.Navigation]]
+    sources: Mapping[Source, m.SourceProperties]
+    reports: Mapping[Source, Thinned[m.SourceReport]]
+    corrections: Mapping[str, Sequence[m.Correction]]
+    truth_carriers: Sequence[m.TruthCarriers]
+    truth_targets: Thinned[m.TruthTargets]
+    closings: Sequence[m.Closed]
+    health: Sequence[m.Health]
+    states: Mapping[str, Sequence[m.ProcessState]]
+    events: Sequence[m.Event]
+    flags: Mapping[tuple[str, str, str], int]
+    unreadable: int
+    damage: str
+
+    @property
+    def carriers(self) -> tuple[str, ...]:
+        """Own carrier first, then the declared ones, then strangers by name."""
+        declared = [carrier.name for carrier in self.scenario.carriers]
+        strangers = sorted({*self.navigation, *self.corrections, *(c for c, _ in self.reports)})
+        return tuple(dict.fromkeys((self.own, *declared, *strangers)))
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """All carriers but the own one."""
+        return self.carriers[1:]
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether the truth of the own carrier is known, into whose frame all truth is mapped."""
+        return any(self.own in truth.carrier for truth in self.truth_carriers[:1])
+
+    def time_s(self, t_ns: int) -> float:
+        """An instant on the time axes [s]."""
+        return (t_ns - self.start_ns) * 1e-9
+
+    def step_s(self, step: int) -> float:
+        """When a step was closed, on the time axes [s]; 0 before the first."""
+        end = bisect_right(self.closings, step, key=lambda closed: closed.step)
+        return self.time_s(self.closings[end - 1].t_ns) if end else 0.0
+
+
+def read_story(path: Path) -> Story:
+    """Read a recording, finished or not; where it is damaged, what lies before the damage.
+
+    Raises:
+        RecordingError: no recording, or one without its scenario.
+    """
+    teller, damage = _Teller(), ""
+    with open_recording(path) as recording:
+        scenario = recording.scenario
+        try:
+            for message in recording.messages(topics=_TOLD):
+                teller.hear(message)
+        except RecordingError as error:
+            damage = str(error)
+    return teller.story(summary(path), scenario, damage)
+
+
+class _Teller:
+    """Takes messages in and sorts them."""
+
+    def __init__(self) -> None:
+        self._navigation: dict[str, list[m.Navigation]] = defaultdict(list)
+        self._sources: dict[Source, m.SourceProperties] = {}
+        self._reports: dict[Source, Thinned[m.SourceReport]] = {}
+        self._corrections: dict[str, list[m.Correction]] = defaultdict(list)
+        self._truth_carriers: list[m.TruthCarriers] = []
+        self._truth_targets = Thinned[m.TruthTargets](TARGET_POINTS)
+        self._closings: list[m.Closed] = []
+        self._health: list[m.Health] = []
+        self._states: dict[str, list[m.ProcessState]] = defaultdict(list)
+        self._events: list[m.Event] = []
+        self._flags: Counter[tuple[str, str, str]] = Counter()
+        self._unreadable = 0
+        self._last_ns = 0
+        self._takers: dict[keys.Topic, Callable[..., object]] = {
+            keys.NAVIGATION: lambda n: self._navigation[n.carrier].append(n),
+            keys.SOURCE: lambda i: self._sources.update({(i.carrier, i.source): i.properties}),
+            keys.CORRECTION: lambda c: self._corrections[c.carrier].append(c),
+            keys.TRUTH_CARRIERS: self._truth_carriers.append,
+            keys.CLOSED_FUSION: self._closings.append,
+            keys.HEALTH: self._health.append,
+            keys.STATE: lambda s: self._states[s.process].append(s),
+            keys.EVENT: self._events.append,
+            keys.QUALITY: self._hear_quality,
+        }
+
+    def hear(self, message: Recorded) -> None:
+        """Take one message in."""
+        self._last_ns = max(self._last_ns, message.log_time_ns)
+        if message.address.topic is keys.REPORT:
+            source = message.address.ids["carrier"], message.address.ids["source"]
+            thinned = self._reports.setdefault(source, Thinned(LOGS_PER_SOURCE))
+            self._thin(thinned, message, len)
+        elif message.address.topic is keys.TRUTH_TARGETS:
+            self._thin(self._truth_targets, message, lambda targets: len(targets.number))
+        elif (decoded := self._decoded(message)) is not None:
+            self._takers[message.address.topic](decoded)
+
+    def story(self, summary: Summary, scenario: m.DeclaredScenario, damage: str) -> Story:
+        """All that was heard."""
+        declared = {(c.name, s): p for c in scenario.carriers for s, p in c.sources.items()}
+        closings = sorted(self._closings, key=lambda closed: closed.step)
+        start_ns = self._start_ns(scenario)
+        return Story(
+            summary=summary,
+            scenario=scenario,
+            own=own_carrier(scenario),
+            start_ns=start_ns,
+            end_ns=max(start_ns, closings[-1].t_ns if closings else self._last_ns),
+            navigation=dict(self._navigation),
+            sources=declared | self._sources,
+            reports=self._reports,
+            corrections={
+                name: sorted(corrections, key=lambda c: c.step)
+                for name, corrections in self._corrections.items()
+            },
+            truth_carriers=sorted(self._truth_carriers, key=lambda truth: truth.step),
+            truth_targets=self._truth_targets,
+            closings=closings,
+            health=self._health,
+            states=dict(self._states),
+            events=self._events,
+            flags=self._flags,
+            unreadable=self._unreadable,
+            damage=damage,
+        )
+
+    def _start_ns(self, scenario: m.DeclaredScenario) -> int:
+        """The scenario's epoch, unless the clock of the run knows nothing of it."""
+        first = min((c.t_ns for c in self._closings), default=scenario.epoch_ns)
+        within = 0 <= first - scenario.epoch_ns <= scenario.step_ns * scenario.steps
+        return scenario.epoch_ns if within else first
+
+    def _thin(self, thinned: Thinned[Any], message: Recorded, weight: Callable[[Any], int]) -> None:
+        if thinned.wants_next() and (decoded := self._decoded(message)) is not None:
+            thinned.keep(decoded, weight(decoded))
+
+    def _decoded(self, message: Recorded) -> Struct | None:
+        try:
+            return message.decode()
+        except WireError:
+            self._unreadable += 1
+            return None
+
+    def _hear_quality(self, quality: m.Quality) -> None:
+        for source in quality.sources:
+            if source.flag:
+                self._flags[source.carrier, source.source, source.flag] += 1
+
+
+_TOLD = (
+    keys.NAVIGATION, keys.SOURCE, keys.REPORT, keys.CORRECTION, keys.TRUTH_CARRIERS,
+    keys.TRUTH_TARGETS, keys.CLOSED_FUSION, keys.HEALTH, keys.STATE, keys.EVENT, keys.QUALITY,
+)  # fmt: skip

@@ -1,0 +1,89 @@
+"""How figures look: one colour a carrier in every plot, one time axis, one frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from bokeh.models import BoxZoomTool, HoverTool, PanTool, ResetTool, WheelZoomTool
+from bokeh.plotting import figure
+
+from estimation.arrays import Array
+
+FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif"
+INK, FAINT, GRID, PAPER, SEA = "#1f2a37", "#66758a", "#e3e8ee", "#ffffff", "#f4f8fb"
+TRUTH = "#111827"
+CARRIERS = (
+    "#3b4cc0", "#d1495b", "#00897b", "#e08e0b", "#8e44ad", "#0288d1", "#6d4c41", "#7cb342",
+    "#c2185b", "#455a64",
+)  # fmt: skip
+"""Of carriers in their order, the own one first; told apart by the colour-blind, too."""
+STATES = {
+    "off": "#c3cad4",
+    "observing": "#f2c14e",
+    "candidate": "#7fb7e6",
+    "applied": "#3a9d6e",
+    "suspended": "#d64545",
+}
+Figure = Any
+"""A `bokeh.plotting.figure`; its attributes are made at run time."""
+
+
+def colours(carriers: Sequence[str]) -> dict[str, str]:
+    """A colour for every carrier, the same on the whole page."""
+    return {name: CARRIERS[n % len(CARRIERS)] for n, name in enumerate(carriers)}
+
+
+class TimeUnit(NamedTuple):
+    """What time axes are in."""
+
+    name: str
+    seconds: float
+
+    def of(self, t_s: Array | float) -> Any:
+        """Seconds in this unit."""
+        return t_s / self.seconds
+
+
+def time_unit(duration_s: float) -> TimeUnit:
+    """A unit in which a run's length has two or three digits."""
+    if duration_s <= 1200:
+        return TimeUnit("s", 1.0)
+    return TimeUnit("min", 60.0) if duration_s <= 3 * 3600 else TimeUnit("h", 3600.0)
+
+
+def new_figure(height: int, **options: Any) -> Figure:
+    """An empty figure as wide as its place on the page."""
+    tools = [PanTool(), BoxZoomTool(), WheelZoomTool(), ResetTool()]
+    plot: Figure = figure(
+        height=height,
+        sizing_mode=options.pop("sizing_mode", "stretch_width"),
+        tools=options.pop("tools", tools),
+        toolbar_location="right",
+        output_backend="canvas",
+        background_fill_color=PAPER,
+        border_fill_color=PAPER,
+        outline_line_color=GRID,
+        min_border_left=62,
+        min_border_right=16,
+        **options,
+    )
+    plot.toolbar.logo = None
+    plot.toolbar.autohide, plot.toolbar_inner = True, True
+    plot.grid.grid_line_color = GRID
+    for axis in plot.axis:
+        axis.axis_line_color = axis.major_tick_line_color = "#b6c0cc"
+        axis.minor_tick_line_color = None
+        axis.major_label_text_color = axis.axis_label_text_color = FAINT
+        axis.major_label_text_font_size, axis.axis_label_text_font_size = "12px", "12px"
+        axis.major_label_text_font = axis.axis_label_text_font = FONT
+        axis.axis_label_text_font_style = "normal"
+    if plot.title:
+        plot.title.text_color, plot.title.text_font = INK, FONT
+        plot.title.text_font_size, plot.title.text_font_style = "13px", "bold"
+    return plot
+
+
+def hover(renderers: Sequence[Any], tooltips: Any, **options: Any) -> Any:
+    """A hover tool for some renderers: of each the nearest; it has no button of its own."""
+    return HoverTool(renderers=[*renderers], tooltips=tooltips, visible=False, limit=1, **options)

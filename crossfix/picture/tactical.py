@@ -1,0 +1,239 @@
+"""The tactical picture: north up, one scale, what was reported, what is corrected, what is true."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from bokeh.core.properties import value
+from bokeh.models import (
+    BoxZoomTool,
+    ColumnDataSource,
+    CustomJSHover,
+    DataRange1d,
+    PanTool,
+    ResetTool,
+    WheelZoomTool,
+)
+from numpy.typing import NDArray
+
+from estimation.arrays import Array
+
+from .logs import Logs
+from .style import FAINT, FONT, INK, SEA, TRUTH, Figure, TimeUnit, hover, new_figure
+from .tracks import CarrierPicture, Ellipse, Scene, Track, TrueTarget
+
+WIDTH, HEIGHT = 1000, 680
+KM = 1e-3
+Single = NDArray[np.float32]
+NAMED_TARGETS = 40
+"""More names than this would hide the picture; hovering shows them all the same."""
+
+
+class Layer(NamedTuple):
+    """What the legend switches on and off together.
+
+    Attributes:
+        key: `name` of its renderers.
+        group: carrier, or truth.
+        look: line, dashed, dots, rings or text.
+    """
+
+    key: str
+    group: str
+    label: str
+    colour: str
+    look: str
+
+
+def tactical_picture(
+    scene: Scene, own: str, colours: Mapping[str, str], unit: TimeUnit
+) -> tuple[Figure, list[Layer]]:
+    """The picture and its legend."""
+    plot = _empty()
+    drawing = _Drawing(plot, scene.names, unit)
+    for carrier in scene.carriers:
+        drawing.logs(carrier, carrier.name == own, colours[carrier.name])
+    drawing.true_targets(scene.targets)
+    for carrier in scene.carriers:
+        drawing.tracks(carrier, carrier.name == own, colours[carrier.name])
+    _fit(plot, scene)
+    order = ["truth", own, *colours]
+    return plot, sorted(drawing.layers, key=lambda layer: order.index(layer.group))
+
+
+def _empty() -> Figure:
+    wheel = WheelZoomTool(modifiers={"ctrl": True})  # the wheel alone scrolls the page
+    plot = new_figure(
+        HEIGHT,
+        width=WIDTH,
+        sizing_mode="scale_width",
+        name="picture",
+        match_aspect=True,
+        x_range=DataRange1d(range_padding=0.09),
+        y_range=DataRange1d(range_padding=0.09),
+        x_axis_label="east [km]",
+        y_axis_label="north [km]",
+        tools=[PanTool(), wheel, BoxZoomTool(match_aspect=True), ResetTool()],
+    )
+    plot.toolbar.active_scroll = wheel
+    plot.background_fill_color = SEA
+    return plot
+
+
+def _fit(plot: Figure, scene: Scene) -> None:
+    """Fit the picture to all tracks, or to most logs where no target is known to be true.
+
+    Single logs that went astray must not shrink it.
+    """
+    tracks = [track for c in scene.carriers for track in (c.reported, c.corrected, c.true)]
+    tracks += [target.track for target in scene.targets]
+    corners = [_corners(track.east_north_m, 0.0) for track in tracks]
+    if not scene.targets:
+        corners += [_corners(c.reported_logs.east_north_m, 2.0) for c in scene.carriers]
+    east, north = _km(np.concatenate([np.zeros((0, 2)), *corners]))
+    extent = plot.scatter(east, north, size=0, alpha=0)
+    plot.x_range.renderers = plot.y_range.renderers = [extent]
+
+
+def _corners(east_north_m: Array, rest: float) -> Array:
+    """South-west and north-east (2, 2) of points but for some per cent; none of no points."""
+    known = east_north_m[np.isfinite(east_north_m[:, 0])]
+    corners: Array = np.percentile(known, (rest, 100 - rest), axis=0) if len(known) else known
+    return corners
+
+
+class _Drawing:
+    """Draws one layer after the other and keeps the legend."""
+
+    def __init__(self, plot: Figure, names: Sequence[str], unit: TimeUnit) -> None:
+        self.layers: list[Layer] = []
+        self._plot, self._unit = plot, unit
+        self._called = CustomJSHover(args={"names": [*names]}, code="return names[value]")
+
+    def true_targets(self, targets: Sequence[TrueTarget]) -> None:
+        """Where targets really went, and where they were at the end."""
+        if not targets:
+            return
+        key = self._layer("truth", "targets", TRUTH, "line")
+        east, north = zip(*(_km(target.track.east_north_m) for target in targets), strict=True)
+        called = {"name": [t.name for t in targets], "kind": [t.kind for t in targets]}
+        ways = ColumnDataSource({"x": [*east], "y": [*north], **called})
+        ends = ColumnDataSource({"x": [x[-1] for x in east], "y": [y[-1] for y in north], **called})
+        lines = self._plot.multi_line(
+            "x", "y", source=ways, name=key, line_color=TRUTH, line_width=1.1, line_alpha=0.85
+        )
+        dots = self._plot.scatter(
+            "x", "y", source=ends, name=key, size=5, color=TRUTH, line_color="white"
+        )
+        shown = _line(TRUTH, "@name", "true target, @kind")
+        self._plot.add_tools(hover([lines, dots], shown))
+        if len(targets) <= NAMED_TARGETS:
+            self._text(self._layer("truth", "names", FAINT, "text"), ends, FAINT, "10px")
+
+    def logs(self, carrier: CarrierPicture, is_own: bool, colour: str) -> None:
+        """Target logs of a carrier; the own one's are right as they are."""
+        if is_own:
+            self._logs(carrier.name, "target logs", carrier.reported_logs, colour, 0.4)
+        else:
+            self._logs(carrier.name, "logs as reported", carrier.reported_logs, colour, 0.16)
+            self._logs(carrier.name, "logs as corrected", carrier.corrected_logs, colour, 0.4)
+
+    def tracks(self, carrier: CarrierPicture, is_own: bool, colour: str) -> None:
+        """Where a carrier was: as it reported, as corrected, in truth."""
+        name = carrier.name
+        if is_own:
+            self._track(name, "track", carrier.reported, colour, "line")
+            self._end(name, "track", carrier.reported, colour, colour)
+            return
+        self._track("truth", f"track of {name}", carrier.true, TRUTH, "line")
+        self._track(name, "track as reported", carrier.reported, colour, "dashed")
+        self._end(name, "track as reported", carrier.reported, "white", colour, ", reported")
+        self._track(name, "track as corrected", carrier.corrected, colour, "line")
+        self._end(name, "track as corrected", carrier.corrected, colour, colour)
+        self._ellipses(name, carrier.ellipses, colour)
+
+    def _layer(self, group: str, label: str, colour: str, look: str) -> str:
+        """The key of a new entry of the legend."""
+        key = f"{group}: {label}"
+        self.layers.append(Layer(key, group, label, colour, look))
+        return key
+
+    def _logs(self, group: str, label: str, logs: Logs, colour: str, alpha: float) -> None:
+        if not len(logs.t_s):
+            return
+        key = self._layer(group, label, colour, "dots" if alpha > 0.2 else "faint")
+        east, north = _km(logs.east_north_m)
+        t = np.float32(self._unit.of(logs.t_s))
+        source = ColumnDataSource({"x": east, "y": north, "t": t, "name": logs.name})
+        dots = self._plot.scatter(
+            "x", "y", source=source, name=key, size=3, color=colour, line_color=None, alpha=alpha
+        )
+        shown = _line(colour, "@name{custom}", f"{group}, {label}, @t{{0.0}} {self._unit.name}")
+        self._plot.add_tools(hover([dots], shown, formatters={"@name": self._called}))
+
+    def _track(self, group: str, label: str, track: Track, colour: str, look: str) -> None:
+        if not len(track.t_s):
+            return
+        key = self._layer(group, label, colour, look)
+        east, north = _km(track.east_north_m)
+        t = np.float32(self._unit.of(track.t_s))
+        line = self._plot.line(
+            "x", "y", source=ColumnDataSource({"x": east, "y": north, "t": t}), name=key,
+            line_color=colour, line_width=1.5 if colour == TRUTH else 3,
+            line_dash=[5, 3] if look == "dashed" else [],
+        )  # fmt: skip
+        shown = _line(colour, group, f"{label}, @t{{0.0}} {self._unit.name}")
+        self._plot.add_tools(hover([line], shown))
+
+    def _end(
+        self, group: str, label: str, track: Track, fill: str, colour: str, more: str = ""
+    ) -> None:
+        """A mark and the carrier's name where a track ends; they go with it."""
+        if not len(track.t_s):
+            return
+        key = f"{group}: {label}"
+        east, north = _km(track.east_north_m)
+        source = ColumnDataSource({"x": east[-1:], "y": north[-1:], "name": [group + more]})
+        self._plot.scatter(
+            "x", "y", source=source, name=key, size=12, marker="circle",
+            fill_color=fill, line_color=colour, line_width=2.5,
+        )  # fmt: skip
+        self._text(key, source, colour, "13px", bold=fill == colour)
+
+    def _text(
+        self, key: str, source: ColumnDataSource, colour: str, size: str, *, bold: bool = False
+    ) -> None:
+        self._plot.text(
+            "x", "y", text="name", source=source, name=key, x_offset=8, y_offset=-5,
+            text_color=colour, text_font_size=size, text_font=value(FONT),
+            text_font_style="bold" if bold else "normal",
+            background_fill_color="white", background_fill_alpha=0.65, padding=1, border_radius=3,
+        )  # fmt: skip
+
+    def _ellipses(self, group: str, ellipses: Sequence[Ellipse], colour: str) -> None:
+        if not ellipses:
+            return
+        key = self._layer(group, "2 sigma of corrections", colour, "rings")
+        places = np.array([ellipse.east_north_m for ellipse in ellipses]) * KM
+        axes = np.array([ellipse.axes_m for ellipse in ellipses]) * KM
+        source = ColumnDataSource({
+            "x": places[:, 0], "y": places[:, 1], "width": axes[:, 0], "height": axes[:, 1],
+            "angle": np.array([ellipse.angle_rad for ellipse in ellipses]),
+        })  # fmt: skip
+        self._plot.ellipse(
+            "x", "y", "width", "height", "angle", source=source, name=key,
+            fill_color=colour, fill_alpha=0.25, line_color=INK, line_width=1.2,
+        )  # fmt: skip
+
+
+def _line(colour: str, name: str, more: str) -> str:
+    """A tooltip of one line; names of the data are escaped where they are filled in."""
+    return f'<span style="color: {colour}"><b>{name}</b></span> {more}'
+
+
+def _km(east_north_m: Array) -> tuple[Single, Single]:
+    """East and north [km] (n,), in single precision: a millimetre at 10 km."""
+    km = (east_north_m * KM).astype(np.float32)
+    return km[:, 0], km[:, 1]
