@@ -55,6 +55,7 @@ class Observer(NamedTuple):
     moved_m: Array
 
 
+@np.errstate(all="ignore")  # numbers from the wire may be anything within its bounds
 def places(
     report: SourceReport, properties: SourceProperties, observer: Observer, altitude_m: float
 ) -> Places:

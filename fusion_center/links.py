@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from math import hypot
 
 import numpy as np
@@ -18,6 +19,8 @@ from .registration import Poses
 from .sightings import Sightings, sightings
 from .state import CarrierState, Estimate, Link, Monitor, State
 
+MAX_REASON = 200
+MOST_NIS = 1e12
 Obstacle = tuple[CorrectionState, str]
 
 
@@ -102,6 +105,27 @@ def _after_news(state: State, name: str, link: Link, views: Views, tally: Tally)
     t_ns = max(state.carriers[c].report_t_ns for c in (state.own, name))
     if (reason := obstacle(state, name, t_ns)) is not None:
         return Link(estimate=link.estimate if reason[0] == "suspended" else None)
+    try:
+        with np.errstate(all="ignore"):  # numbers from the wire may be anything within its bounds
+            found = _registered(state, name, link, views, tally, t_ns)
+        why_none = "no pair of logs"
+    except (np.linalg.LinAlgError, ValueError) as error:
+        found, why_none = None, f"no frame comes out of these numbers: {error}"[:MAX_REASON]
+    judged, adopted = monitor.after_registration(
+        link.monitor, found, state.settings.monitor, why_none
+    )
+    return Link(monitor=judged, estimate=found if adopted else link.estimate)
+
+
+def _registered(
+    state: State, name: str, link: Link, views: Views, tally: Tally, t_ns: int
+) -> Estimate | None:
+    """Associate and register; None where there is no pair.
+
+    Raises:
+        LinAlgError, ValueError: covariances or places so extreme that nothing can be computed, or
+            that what comes out is not of this planet.
+    """
     between, prior = navigated(state, name, t_ns)
     own = views(state.own, t_ns)
     other = registration.in_own_plane(views(name, t_ns), between)
@@ -114,9 +138,10 @@ def _after_news(state: State, name: str, link: Link, views: Views, tally: Tally)
     if pairs:
         method = state.settings.registration.method
         found, nis = registration.register(own, other, pairs, prior, between, method)
+        found = registration.within_bounds(found)
+        nis = np.nan_to_num(nis, nan=MOST_NIS).clip(0.0, MOST_NIS)
     tally.registered((state.own, name), own, other, pairs, nis)
-    judged, adopted = monitor.after_registration(link.monitor, found, state.settings.monitor)
-    return Link(monitor=judged, estimate=found if adopted else link.estimate)
+    return found
 
 
 def navigated(state: State, other: str, t_ns: int) -> tuple[Poses, RelativeFramePrior]:
@@ -151,10 +176,21 @@ def status(state: State, other: str, t_ns: int) -> tuple[Monitor, Estimate | Non
         return blocked, None
     own = state.carriers.get(state.own, CarrierState())
     if own.lost and link.estimate is not None:
-        between, prior = navigated(state, other, t_ns)
-        sigma = state.settings.navigation.sigma_speed_mps
-        astray = [
-            carried_sigma_m(state.carriers[c].navigation, t_ns, sigma) for c in (state.own, other)
-        ]
-        return blocked, registration.predicted(link.estimate, prior, between, hypot(*astray))
+        with suppress(np.linalg.LinAlgError, ValueError), np.errstate(all="ignore"):
+            return blocked, _predicted(state, other, link.estimate, t_ns)
     return blocked, link.estimate
+
+
+def _predicted(state: State, other: str, estimate: Estimate, t_ns: int) -> Estimate:
+    """The last estimate carried on with the navigation of both carriers.
+
+    Raises:
+        LinAlgError, ValueError: their navigation is not of this planet.
+    """
+    between, prior = navigated(state, other, t_ns)
+    sigma = state.settings.navigation.sigma_speed_mps
+    astray = [
+        carried_sigma_m(state.carriers[c].navigation, t_ns, sigma) for c in (state.own, other)
+    ]
+    predicted = registration.predicted(estimate, prior, between, hypot(*astray))
+    return registration.within_bounds(predicted)

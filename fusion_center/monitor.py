@@ -22,16 +22,19 @@ from .state import Estimate, Monitor
 
 
 def after_registration(
-    before: Monitor, found: Estimate | None, settings: MonitorSettings
+    before: Monitor,
+    found: Estimate | None,
+    settings: MonitorSettings,
+    why_none: str = "no pair of logs",
 ) -> tuple[Monitor, bool]:
     """The monitor after one report event, and whether its estimate is to replace the former one.
 
     While applied, an estimate that is not good does not: the last good one holds.
 
     Args:
-        found: None where no pair was found.
+        found: None where nothing came of it, for the reason `why_none`.
     """
-    open_question = _open_question(found)
+    open_question = _open_question(found) if found else why_none
     alarm = _alarm(found, settings) if found else ""
     if open_question:
         return _undetermined(before, open_question, settings)
@@ -73,10 +76,8 @@ def _held(before: Monitor, reason: str, undetermined: int, excessive: int) -> Mo
     )
 
 
-def _open_question(found: Estimate | None) -> str:
+def _open_question(found: Estimate) -> str:
     """What the data leave open, in words; empty when every direction is determined."""
-    if found is None:
-        return "no pair of logs"
     weakest = found.directions[0]
     return "" if weakest.status == "determined" else _sentence(weakest)
 

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace as with_fields
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from msgspec.structs import replace
 
@@ -177,6 +178,15 @@ def predicted(
         own_axes=_own_axes(in_own_axes(frame, prior), prior),
         fixed_axes=_fixed_axes(frame),
     )
+
+
+def within_bounds(estimate: Estimate) -> Estimate:
+    """The estimate itself, if the wire can carry it.
+
+    Raises:
+        ValueError: a number of it is not finite, or lies beyond what the wire allows.
+    """
+    return msgspec.convert(msgspec.to_builtins(estimate), Estimate)
 
 
 def _polar(logs: Sightings, which: list[int]) -> PolarLogs:
