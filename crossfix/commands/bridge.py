@@ -121,7 +121,7 @@ HERE, INWARDS = RunOptions(), OutOptions()
 
 @bridge.command
 def jsonl(
-    file: str | None = None,
+    file: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
     /,
     *,
     feed: FeedOptions = STDIN,
@@ -198,6 +198,8 @@ def feed_of(file: str | None, options: FeedOptions) -> Feed:
     from carriers.bridges.feeds import Connection, Connections, Datagrams, Pipe, endpoint
     from schemas.errors import CrossfixError
 
+    if file and file.startswith("-") and file != "-":  # the lone hyphen lets them all through
+        raise CrossfixError("no such option", got=file, expected="see --help")
     given = [text for text in (file, options.udp, options.tcp, options.listen) if text is not None]
     if len(given) > 1:
         raise CrossfixError(

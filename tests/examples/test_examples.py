@@ -1,0 +1,142 @@
+"""Every example runs and says what its reader is told to expect, those of the pages too."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from crossfix.commands.run import RunOptions
+from schemas import keys
+from schemas.messages import Correction, Navigation, SourceInfo, SourceReport
+from schemas.recording.reader import open_recording
+from tests.live.live_run import LiveRun
+from tests.live.outsiders import DEADLINE_S, started
+from tests.whole.recorded import messages
+
+ROOT = Path(__file__).parents[2]
+SCENARIO = ROOT / "tests" / "live" / "patrol.toml"
+PAGE = (ROOT / "docs" / "publishing.md").read_text(encoding="utf-8")
+STEPS = 60
+LEAST = 40
+"""Steps that a publisher must have taken part in; it may join a moment late."""
+ENDED = "ended: finished"
+
+
+def blocks(language: str) -> list[str]:
+    """Code of the page in a language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+
+
+class Outcome(NamedTuple):
+    """What was left by all publishers together: what each printed, and the recording."""
+
+    said: dict[str, str]
+    recording: Path
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+    """One paced run that the example and the short program of the page take part in."""
+    folder = tmp_path_factory.mktemp("examples")
+    (short,) = blocks("python")
+    program, path = folder / "publisher.py", folder / "run.mcap"
+    program.write_text(short)
+    with LiveRun(SCENARIO, path, RunOptions(rate="10")) as run:
+        where = ["--run", run.run, "--connect", run.endpoint]
+        with (
+            started(str(ROOT / "examples" / "external_publisher.py"), *where) as example,
+            started(str(program), run.run, run.endpoint) as shorter,
+        ):
+            assert run.await_end() == 0
+            programs = {"external_publisher": example, "short": shorter}
+            said = {name: p.communicate(timeout=DEADLINE_S)[0] for name, p in programs.items()}
+            assert [p.returncode for p in programs.values()] == [0, 0], said
+    return Outcome(said, path)
+
+
+def test_every_example_is_executed_here() -> None:
+    examples = {path.stem for path in (ROOT / "examples").glob("*") if path.is_file()}
+    assert examples == {"external_publisher"}
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.py")), ids=lambda p: p.name)
+def test_every_example_explains_itself(path: Path) -> None:
+    command = [sys.executable, str(path), "--help"]
+    shown = subprocess.run(command, check=True, capture_output=True, text=True, timeout=DEADLINE_S)
+    assert f"python examples/{path.name}" in shown.stdout
+
+
+def test_the_example_imports_nothing_of_ours() -> None:
+    text = (ROOT / "examples" / "external_publisher.py").read_text()
+    modules = set(re.findall(r"^(?:import|from) (\w+)", text, re.MULTILINE))
+    assert modules - set(sys.stdlib_module_names) == {"zenoh", "msgpack"}
+
+
+@pytest.mark.live
+def test_the_example_tells_how_its_correction_went(outcome: Outcome) -> None:
+    said = outcome.said["external_publisher"]
+    assert "visitor takes part in patrol" in said
+    assert re.search(r"step \d+: correction applied: [+-]\d+ m east, [+-]\d+ m north", said)
+    assert said.rstrip().endswith(ENDED)
+
+
+@pytest.mark.live
+def test_the_short_program_of_the_page_is_recorded_without_a_gap(outcome: Outcome) -> None:
+    (steps,) = re.findall(r"said something at (\d+) steps", outcome.said["short"])
+    assert int(steps) >= LEAST
+    counts = Counter(
+        type(message).__name__
+        for topic, kind in (
+            (keys.SOURCE, SourceInfo),
+            (keys.NAVIGATION, Navigation),
+            (keys.REPORT, SourceReport),
+        )
+        for message in messages(outcome.recording, topic, kind)
+        if message.carrier == "short"
+    )
+    assert counts == {"SourceInfo": 1, "Navigation": int(steps), "SourceReport": int(steps)}
+    with open_recording(outcome.recording) as recording:
+        assert recording.end is not None
+        assert recording.end.gaps == 0
+
+
+@pytest.mark.live
+def test_each_publisher_gets_a_correction_of_its_own(outcome: Outcome) -> None:
+    states: dict[str, set[str]] = {}
+    for correction in messages(outcome.recording, keys.CORRECTION, Correction):
+        states.setdefault(correction.carrier, set()).add(correction.state)
+    assert "applied" in states["visitor"]
+    assert "observing" in states["short"]  # its two targets are nobody's
+
+
+def test_lines_of_json_on_the_page_do_what_it_says() -> None:
+    for command in "".join(blocks("sh")).splitlines():
+        text, bridge = command.split(" | ")
+        line = shlex.split(text)[1]
+        done = subprocess.run(
+            [sys.executable, "-m", *shlex.split(bridge)],
+            input=line,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=DEADLINE_S,
+        )
+        kinds = re.findall(r"crossfix\.(\w+)\"", done.stdout)
+        assert kinds == ["Navigation", "SourceInfo", "SourceReport"]
+        assert "received 1, decoded 1, rejected 0" in done.stderr
+
+
+def test_navigation_on_the_page_is_taken() -> None:
+    (line,) = blocks("json")
+    command = [sys.executable, "-m", "crossfix", "bridge", "jsonl", "-", "--dry-run"]
+    done = subprocess.run(
+        command, input=line, capture_output=True, text=True, check=True, timeout=DEADLINE_S
+    )
+    assert done.stdout.count("crossfix.Navigation") == 1
