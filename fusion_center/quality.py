@@ -57,6 +57,10 @@ class Tally:
         row.sigma_defaults += absorbed.sigma_defaults
         for name in absorbed.claimed_twice:
             row.flags[f"two logs claim {name}: not paired"] = None
+        for name in absorbed.recycled:
+            row.flags[f"{name} stands for another target now: its past is not used"] = None
+        if absorbed.astray:
+            row.flags["logs measured long before or after their report: not used"] = None
         if absorbed.without_sigma:
             row.flags["logs without sigma, and no default: not used"] = None
         if absorbed.increments:

@@ -36,6 +36,9 @@ class LogSettings(Struct, frozen=True, kw_only=True):
     sigma_velocity_mps: Annotated[
         float, _positive("per axis, of a target of which there is only one log", 1e5)
     ] = 30.0
+    max_speed_mps: Annotated[
+        float, _positive("what has moved faster is another target under the same name", 1e5)
+    ] = 1000.0
     sigma_acceleration_mps2: Annotated[
         float,
         Meta(ge=0, le=1e4, description="per axis: what a line through two logs leaves out"),

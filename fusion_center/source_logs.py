@@ -17,6 +17,8 @@ from .navigation import NS
 from .settings import LogSettings
 from .state import SourceLogs
 
+LEAP_SIGMAS = 6.0
+
 
 class Absorbed(NamedTuple):
     """What became of the logs of one report.
@@ -27,7 +29,10 @@ class Absorbed(NamedTuple):
         without_sigma: have a position, but neither they nor their source a sigma: not used.
         increments: of a kind that is not a position: not used.
         superseded: not newer than what is known of their target: not used.
+        astray: measured so long before or after their report's stamp that nothing can be done with
+            them: not used.
         claimed_twice: names that two logs claim: none of these is used.
+        recycled: names that leapt further than any target moves: taken for new targets.
     """
 
     logs: int = 0
@@ -35,7 +40,9 @@ class Absorbed(NamedTuple):
     without_sigma: int = 0
     increments: int = 0
     superseded: int = 0
+    astray: int = 0
     claimed_twice: tuple[str, ...] = ()
+    recycled: tuple[str, ...] = ()
 
 
 NO_LOGS = SourceLogs(
@@ -68,6 +75,8 @@ def with_report(
     previous = np.array([known.get(name, -1) for name in fresh.key], dtype=np.int64)
     newer = fresh.t_ns > np.append(logs.t_ns[0], -1)[previous]
     used = np.flatnonzero(fresh.usable & single & newer)
+    leapt = used[_has_leapt(logs, fresh, used, previous[used], settings)]
+    previous[leapt] = -1
 
     taken = {fresh.key[i] for i in used} | twice
     kept = _still_of_use(logs, report, taken, settings)
@@ -78,8 +87,29 @@ def with_report(
         without_sigma=int((places.located & ~places.usable).sum()),
         increments=len(report) - int(fresh.positions.sum()),
         superseded=int((fresh.usable & ~newer).sum()),
+        astray=int(fresh.astray.sum()),
         claimed_twice=tuple(sorted(name.partition("/")[2] for name in twice)),
+        recycled=tuple(sorted(fresh.key[i].partition("/")[2] for i in leapt)),
     )
+
+
+@np.errstate(all="ignore")  # numbers from the wire may be anything within its bounds
+def _has_leapt(
+    logs: SourceLogs,
+    fresh: _Fresh,
+    used: NDArray[np.intp],
+    previous: NDArray[np.int64],
+    settings: LogSettings,
+) -> NDArray[np.bool_]:
+    """(m,) whether a name stands for another target now: nothing moves so far in that time."""
+    if not len(logs.key):
+        return np.zeros(len(used), dtype=np.bool_)
+    gap_s = (fresh.t_ns[used] - logs.t_ns[0, previous]) * NS
+    moved_m = np.hypot(*(fresh.place_m[used] - logs.place_m[0, previous]).T)
+    variance = np.trace(fresh.covariance[used] + logs.covariance[0, previous], axis1=1, axis2=2)
+    reach_m = settings.max_speed_mps * gap_s + LEAP_SIGMAS * np.sqrt(variance)
+    leapt: NDArray[np.bool_] = (previous >= 0) & (moved_m > reach_m)
+    return leapt
 
 
 class _Fresh(NamedTuple):
@@ -90,6 +120,7 @@ class _Fresh(NamedTuple):
     identity: list[str]
     track: list[str]
     positions: NDArray[np.bool_]
+    astray: NDArray[np.bool_]
     usable: NDArray[np.bool_]
     t_ns: NDArray[np.int64]
     place_m: Array
@@ -108,14 +139,17 @@ def _read(report: SourceReport, places: Places, way_m: Array, settings: LogSetti
     if report.sigma_time_offset_s is not None:
         sigma_s = np.nan_to_num(np.array(report.sigma_time_offset_s, dtype=np.float64))
         covariance = covariance + round_covariance((settings.sigma_velocity_mps * sigma_s) ** 2)
+    t_ns = instants_ns(report)
+    astray = np.abs(t_ns - report.t_ns) * NS > settings.max_age_s
     return _Fresh(
         seq=report.seq,
         key=key,
         identity=identity,
         track=track,
         positions=positions,
-        usable=places.usable & positions,
-        t_ns=instants_ns(report),
+        astray=astray,
+        usable=places.usable & positions & ~astray,
+        t_ns=t_ns,
         place_m=places.east_north_m + way_m,
         covariance=covariance,
         altitude_m=places.altitude_m,

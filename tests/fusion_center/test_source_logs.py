@@ -194,3 +194,24 @@ def test_sightings_name_the_newest_log_and_the_track() -> None:
     assert seen.identity == ("mmsi/239", "")
     assert seen.track == ("", "a/radar/p")
     assert seen.source == ("radar", "radar")
+
+
+def test_a_recycled_track_number_brings_no_past_with_it() -> None:
+    logs, _ = take(NO_LOGS, 0.0, [(0.0, 0.0), (5.0, 5.0)])
+    logs, absorbed = take(logs, 1.0, [(20_000.0, 0.0), (35.0, 5.0)])
+    assert absorbed.recycled == ("t0",)
+    two = {name: bool(before >= 0) for name, before in zip(logs.key, logs.t_ns[1], strict=True)}
+    assert two == {"t/t0": False, "t/t1": True}
+
+
+def test_a_large_sigma_explains_a_leap() -> None:
+    logs, _ = take(NO_LOGS, 0.0, [(0.0, 0.0)], sigma_m=3000.0)
+    _, absorbed = take(logs, 1.0, [(20_000.0, 0.0)], sigma_m=3000.0)
+    assert absorbed.recycled == ()
+
+
+def test_a_log_measured_long_after_its_report_is_left_out_and_blocks_nothing() -> None:
+    logs, absorbed = take(NO_LOGS, 0.0, [(0.0, 0.0)], track_id=["a"], time_offset_s=[1e6])
+    assert (absorbed.astray, logs.key) == (1, ())
+    logs, absorbed = take(logs, 1.0, [(1.0, 0.0)], track_id=["a"])
+    assert (absorbed.superseded, logs.key) == (0, ("t/a",))
