@@ -47,7 +47,7 @@ class LiveRun:
     def __enter__(self) -> LiveRun:
         self.launch.start(self._children)
         self._bus = open_bus(self.endpoint, 20.0)
-        for topic in (keys.STEP, keys.HEALTH):
+        for topic in (keys.STEP, keys.HEALTH, keys.CLOSED_WORLD):
             self._bus.subscribe(topic.every(self.run), self._inbox)
         self._watching = threading.Thread(target=self._watch, daemon=True)
         self._watching.start()

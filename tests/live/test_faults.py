@@ -52,14 +52,17 @@ def test_a_hung_carrier_is_given_up_within_the_lease_and_returns_with_a_new_boot
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "run.mcap"
-    with LiveRun(SCENARIO, path, SLOW) as run:
+    long = RunOptions(delay=0.1, overrides=("time.duration_s=3600",))
+    with LiveRun(SCENARIO, path, long) as run:
         run.await_step(10)
         run.signal("bravo", signal.SIGSTOP)
         stopped_s = time.monotonic()
         run.await_news("bravo is lost")
         told_s = time.monotonic() - stopped_s
         run.signal("bravo", signal.SIGCONT)
-        run.await_news("bravo has come")
+        back = run.await_message(Closed, lambda c: c.step > 10 and "bravo" in c.joined)
+        run.await_step(back.step + 5)
+        run.launch.interrupt()
         code = run.await_end()
     assert told_s < 2.0 + 0.5
     assert code == 0
