@@ -18,6 +18,7 @@ from .commands.run import RunOptions
 from .commands.verify import verify
 from .launch import Child, Launch, free_endpoint
 from .new_file import new_recording, require_new
+from .picture import require_bokeh
 from .progress import Watcher, new_console
 from .table import show_frames
 
@@ -52,6 +53,8 @@ def carry_out(path: Path, options: RunOptions) -> int:
         show_frames(recording, as_json=options.json)
         if options.verify:
             code = code or verify(recording, refuse=True)
+        if options.report:
+            console.print(f"report: {_drawn(recording)}", highlight=False)
     return code
 
 
@@ -67,9 +70,20 @@ def _checked(path: Path, options: RunOptions) -> DeclaredScenario:
     World(scenario)  # reads recorded tracks, if there are any
     if options.rate != "max":
         _positive(options.rate)
+    if options.report:
+        require_bokeh()
     if options.output:
         require_new(options.output)
     return scenario.declared
+
+
+def _drawn(recording: Path) -> Path:
+    """The page of a recording, beside it."""
+    from .picture.report import write_page
+
+    page = recording.with_suffix(".html")
+    write_page(recording, page)
+    return page
 
 
 def _overrides(options: RunOptions) -> list[str]:

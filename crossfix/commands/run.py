@@ -28,6 +28,7 @@ class RunOptions:
         max_loss: seconds of recording that a crash may cost.
         delay: each carrier waits a random time up to this in each step; it changes no result.
         verify: fuse the recording again at the end and compare every byte of its outputs.
+        report: draw the recording as a page beside it, as `crossfix report` does; needs bokeh.
         json: print the table as JSON on stdout.
     """
 
@@ -43,6 +44,7 @@ class RunOptions:
     max_loss: float = 0.25
     delay: float = 0.0
     verify: Annotated[bool, Parameter(negative=())] = False
+    report: Annotated[bool, Parameter(negative=())] = False
     json: Annotated[bool, Parameter(negative=())] = False
 
 

@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 
 import msgspec
 
 from schemas.errors import CrossfixError
 
+from . import require_bokeh
 from .figures import Figures, figures_of
 from .markdown import markdown_page
 from .series import frame_series
 from .story import read_story
-
-
-def require_bokeh() -> None:
-    """Make sure that a page can be drawn, before any work is done for it.
-
-    Raises:
-        CrossfixError: bokeh is not installed; says how to get it.
-    """
-    if find_spec("bokeh") is None:
-        raise CrossfixError(
-            "the report is drawn with bokeh, which is not installed",
-            expected="pip install 'crossfix[view]' (--json and --md do without)",
-        )
 
 
 def write_page(recording: Path, output: Path) -> Figures:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -26,6 +28,7 @@ from schemas import keys
 from tests.crossfix import report_recordings as recordings
 from tests.crossfix.conftest import Crossfix
 
+DEADLINE_S = 120
 MAX_BYTES = 8_000_000
 LOADS = re.compile(r"<(?:link|iframe|img|script)[^>]*(?:src|href)\s*=|@import|url\(")
 
@@ -249,10 +252,35 @@ def test_only_the_page_needs_bokeh(
     form: tuple[str, ...], code: int, whole: Path, crossfix: Crossfix,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr("crossfix.picture.report.find_spec", lambda name: None)
+    monkeypatch.setattr("crossfix.picture.find_spec", lambda name: None)
     shown = crossfix("report", whole, *form)
     assert shown.code == code
     assert ("pip install 'crossfix[view]'" in shown.err) == (code != 0)
+
+
+def test_a_run_that_is_to_be_drawn_needs_bokeh_before_it_starts(
+    tmp_path: Path, crossfix: Crossfix, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("crossfix.picture.find_spec", lambda name: None)
+    output = tmp_path / "run.mcap"
+    shown = crossfix("run", recordings.SMALL, "--report", "-o", output)
+    assert shown.code == 2
+    assert "pip install 'crossfix[view]'" in shown.err
+    assert not output.exists()
+
+
+@pytest.mark.live
+def test_a_run_draws_its_recording_and_says_where(tmp_path: Path) -> None:
+    output = tmp_path / "run.mcap"
+    command = [sys.executable, "-m", "crossfix", "run", str(recordings.SMALL)]
+    done = subprocess.run(
+        [*command, "--report", "-o", str(output)],
+        capture_output=True, text=True, timeout=DEADLINE_S, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    page = output.with_suffix(".html")
+    assert f"report: {page}" in done.stderr.replace("\n", "")
+    assert "Tactical picture" in page.read_text(encoding="utf-8")
 
 
 def test_a_recording_is_never_overwritten_by_its_report(whole: Path, crossfix: Crossfix) -> None:
