@@ -12,8 +12,8 @@ benches := $(basename $(notdir $(shell grep -l __main__ bench/*.py)))
 .PHONY: demo test test-all bench lint format schemas clean help
 .DEFAULT_GOAL := help
 
-demo: $(VENV)/installed-view  ## run the default scenario end to end; the recording goes to recordings/
-	$(bin)/crossfix run scenarios/strait.toml --verify $(ARGS)
+demo: $(VENV)/installed-view  ## run the default scenario end to end; recording and report go to recordings/
+	$(bin)/crossfix run scenarios/strait.toml --verify --report $(ARGS)
 
 test: $(VENV)/installed-test  ## all tests but the slow ones; ARGS="-k name" picks some
 	$(bin)/python -m pytest $(ARGS)
