@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
@@ -41,6 +42,7 @@ class LiveRun:
             scenario, self.declared, self.run, output, self.endpoint, options
         )
         self._inbox: Inbox[Sample] = Inbox()
+        self._heard: deque[Sample] = deque()
         self._watching: threading.Thread | None = None
         self.code: int | None = None
 
@@ -66,7 +68,9 @@ class LiveRun:
         """The next message of a kind that is as wanted."""
         deadline_s = time.monotonic() + DEADLINE_S
         while time.monotonic() < deadline_s:
-            for sample in self._inbox.take(0.05):
+            self._heard.extend(self._inbox.take(0.0 if self._heard else 0.05))
+            while self._heard:
+                sample = self._heard.popleft()
                 if keys.parse(sample.key).topic.message is kind:
                     message = codec.decode(kind, sample.payload)
                     if wanted(message):
