@@ -25,6 +25,8 @@ log = logging.getLogger("carrier")
 
 PUMP_S = 0.05
 READY_S = 0.5
+PATIENCE_S = 3.0
+"""How long the world may be missing before a carrier leaves without having heard of the end."""
 AHEAD = 64
 """The world grants no step so far ahead of an answer in lock-step."""
 
@@ -49,6 +51,8 @@ class CarrierNode:
         self._carriers: dict[int, TruthCarriers] = {}
         self._done: int | None = None
         self._ready_s = float("-inf")
+        self._missed_s = float("inf")
+        self._ended = False
         self._stop = False
 
     def stop(self) -> None:
@@ -128,6 +132,7 @@ class CarrierNode:
         if self._member.boot in step.given_up:
             self._restart()
         newest = self._granted[-1].step if self._granted else self._done
+        self._ended = bool(step.ended)
         if step.ended or step.step == 0:
             return
         if newest is None or step.step > newest:
@@ -168,7 +173,14 @@ class CarrierNode:
         return gaps
 
     def _world_is_gone(self, now_s: float) -> bool:
+        """At once after the end of the run; else only when the world has stayed away a while.
+
+        A process that was stopped finds its own link lost a moment after the tokens it carried.
+        """
         up = self._member.buses.control.link_up()
         lost = self._roster.update(self._tokens.take(), up, now_s)
-        is_gone = any(life.process == keys.WORLD for life in lost)
-        return is_gone and not self._roster.has(keys.WORLD)
+        if self._roster.has(keys.WORLD):
+            self._missed_s = float("inf")
+        elif any(life.process == keys.WORLD for life in lost):
+            self._missed_s = min(self._missed_s, now_s)
+        return now_s - self._missed_s >= (0.0 if self._ended else PATIENCE_S)

@@ -10,7 +10,7 @@ from .. import keys
 from ..errors import WireError
 from .interface import Liveness
 
-GRACE_S = 0.1
+GRACE_S = 0.2
 """A token may go a moment before one's own lost link is noticed."""
 MAX_PRESENT = 4096
 """Tokens beyond this are not followed."""

@@ -23,7 +23,7 @@ from schemas.bus.zenoh_bus import open_bus
 from schemas.messages import Health, Step
 from sim_world.scenario import load_scenario
 
-DEADLINE_S = 90.0
+DEADLINE_S = 60.0
 T = TypeVar("T", bound=msgspec.Struct)
 
 
