@@ -25,6 +25,7 @@ VERBS = (
     "peek",
     "bridge",
     "report",
+    "check",
 )
 """Verb `x` is the function `x` in `crossfix/commands/x.py`, which imports what is heavy inside."""
 

@@ -7,7 +7,8 @@ class TestMyPublisher(ConformanceTests):
 
 from .checker import Conformance
 from .findings import CODES, Finding
+from .listening import Listener
 from .mixin import ConformanceTests
 from .residuals import SigmaCheck
 
-__all__ = ["CODES", "Conformance", "ConformanceTests", "Finding", "SigmaCheck"]
+__all__ = ["CODES", "Conformance", "ConformanceTests", "Finding", "Listener", "SigmaCheck"]

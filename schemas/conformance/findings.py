@@ -121,6 +121,10 @@ CODES: Mapping[str, Code] = {
     "unanswered": Code(
         "error", "Set step to 0, or acknowledge each step on ack/CARRIER: else nothing is fused."
     ),
+    "refused": Code(
+        "error",
+        "Listen while it publishes, `crossfix check --run RUN`: the recording has the reason only.",
+    ),
     "token": Code(
         "error", "Declare the liveliness token alive/CARRIER/BOOT before the first message."
     ),
