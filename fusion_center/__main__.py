@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from schemas.bus.entry import on_signal, pin_threads, run_process
+from schemas.bus.entry import leave, on_signal, pin_threads, run_process
 
 
 def main() -> int:
@@ -70,4 +69,4 @@ def _options() -> Namespace:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

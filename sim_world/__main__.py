@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from argparse import ArgumentParser, Namespace
 
-from schemas.bus.entry import on_signal, pin_threads, run_process
+from schemas.bus.entry import leave, on_signal, pin_threads, run_process
 
 
 def main() -> int:
@@ -55,4 +54,4 @@ def _options() -> Namespace:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

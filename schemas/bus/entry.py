@@ -9,6 +9,7 @@ import signal
 import sys
 from collections.abc import Callable
 from types import FrameType
+from typing import NoReturn
 
 from ..errors import CrossfixError
 
@@ -45,6 +46,14 @@ def run_process(name: str, body: Callable[[], int]) -> int:
     except CrossfixError as error:
         logging.getLogger(name).error("error: %s", error)
         return error.exit_code
+
+
+def leave(code: int) -> NoReturn:
+    """End at once: a thread of the bus may still be in Rust, and finalising under it crashes."""
+    logging.shutdown()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
 
 
 def on_signal(stop: Callable[[], None]) -> None:
