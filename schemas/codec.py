@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from functools import cache
 from typing import Any, TypeVar
 
@@ -16,6 +17,7 @@ MAX_PAYLOAD_BYTES = 8 * 1024 * 1024
 MAX_INPUT_BYTES = 2 * 1024 * 1024
 """Of what a carrier says: anybody may send it, and decoding takes time and a multiple of memory."""
 _MSGPACK = msgspec.msgpack.Encoder()
+_ACQUAINTING = threading.Lock()
 
 
 def encoding_of(message: type[msgspec.Struct], form: str = "msgpack") -> str:
@@ -51,9 +53,10 @@ def decode(message: type[T], payload: bytes, encoding: str = "") -> T:
     """
     _require_size(message, payload)
     try:
+        decoder = _decoder(message)
         if "json" in encoding:
             return msgspec.convert(restorer(message)(msgspec.json.decode(payload)), message)
-        return _decoder(message).decode(payload)  # type: ignore[no-any-return]
+        return decoder.decode(payload)  # type: ignore[no-any-return]
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError, OverflowError) as error:
         raise WireError(str(error), where=message.__name__) from None
 
@@ -68,4 +71,7 @@ def _require_size(message: type[msgspec.Struct], payload: bytes) -> None:
 
 @cache
 def _decoder(message: type[msgspec.Struct]) -> msgspec.msgpack.Decoder[Any]:
-    return msgspec.msgpack.Decoder(message)
+    # While msgspec makes itself acquainted with a type, another thread that decodes to it crashes
+    # the process (a NULL in the half-made description; seen with 0.22).
+    with _ACQUAINTING:
+        return msgspec.msgpack.Decoder(message)
