@@ -226,6 +226,8 @@ class Conformance:
         carrier, source = address.ids["carrier"], address.ids.get("source", address.topic.name)
         found = refusals.of_sample(error, sample.payload, sample.encoding)
         self._notes.add(found.code, carrier, source, found.example, detail=found.detail)
+        if found.code == "name":
+            return  # its stream is somebody else's
         head = reading.head(reading.unpacked(sample.payload, sample.encoding) or {})
         if head and head.seq and (stream := self._stream(address, head.boot)):
             stream.take(head.seq, head.t_ns, sample.payload, arrived_s, fetched)
@@ -309,6 +311,8 @@ class Conformance:
     def _judge_tracks(self, notes: Notes, name: tuple[str, str]) -> None:
         declared = self._declared(name) or SourceProperties()
         residuals = self._residuals[name]
+        if notes.has("time_unit", *name):
+            return
         for leap in residuals.leaps(declared, MAX_SPEED_MPS):
             notes.add("track_reused", *name, leap)
         suspect = ("sigma_absurd", "kilometres", "sigma_missing")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from hashlib import blake2b
-from statistics import median
+from statistics import fmean, median
 
 from ..bus.ledger import StreamKey
 from ..bus.spans import Spans
@@ -38,6 +38,7 @@ class StreamCheck:
         self._seen = Spans()
         self._digests: OrderedDict[int, bytes] = OrderedDict()
         self._last: tuple[int, int] | None = None
+        self._went_back = False
         self._intervals_s: list[tuple[int, float]] = []
 
     def take(self, seq: int, t_ns: int, payload: bytes, arrived_s: float, fetched: bool) -> bool:
@@ -72,7 +73,8 @@ class StreamCheck:
         for first, last in self.missing():
             example = f"seq {first}" if first == last else f"seq {first} to {last}"
             notes.add("seq_missing", carrier, source, example, count=last - first + 1)
-        if period_s and len(self._intervals_s) >= LEAST_INTERVALS:
+        sane = not notes.has("time_unit", carrier, source)
+        if sane and period_s and len(self._intervals_s) >= LEAST_INTERVALS:
             self._judge_pace(notes, period_s)
 
     def _repeated(self, seq: int, t_ns: int, digest: bytes) -> None:
@@ -96,6 +98,9 @@ class StreamCheck:
         if passed_s < 0:
             example = f"seq {seq} is stamped {-passed_s:.3g} s before seq {before[0]}"
             self._notes.add("time_backwards", self.key.process, self.source, example)
+            self._went_back = True
+        elif self._went_back:  # the way forward again is no interval
+            self._went_back = False
         elif passed_s == 0 and self.key.stream != "ranging":
             example = f"seq {before[0]} and {seq} are stamped {t_ns}"
             self._notes.add("time_repeated", self.key.process, self.source, example)
@@ -107,7 +112,7 @@ class StreamCheck:
         intervals = [interval for _, interval in self._intervals_s]
         skips = [(seq, i) for seq, i in self._intervals_s if i > SKIPPED * period_s]
         steady = [interval for interval in intervals if interval <= SKIPPED * period_s]
-        typical_s = median(steady or intervals)
+        typical_s = fmean(steady or intervals)
         if len(steady) < len(intervals) / 2 or abs(typical_s / period_s - 1) > RATE_TOLERANCE:
             typical_s = median(intervals)
             example = f"declares a report every {period_s:g} s, sends one every {typical_s:.3g} s"
