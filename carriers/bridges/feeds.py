@@ -16,6 +16,7 @@ from schemas.errors import CrossfixError
 CHUNK_BYTES = 64 * 1024
 BATCH = 256
 """Datagrams taken at once, so that a flood does not keep the bridge from its other duties."""
+MAX_CONNECTIONS = 256
 RECEIVE_BUFFER_BYTES = 8 * 1024 * 1024
 RETRY_S = 0.5
 CONNECT_S = 1.0
@@ -85,7 +86,7 @@ class Datagrams:
 
 
 class Connections:
-    """TCP connections that others open to us, any number of them.
+    """TCP connections that others open to us; more than `MAX_CONNECTIONS` at once are closed.
 
     Raises:
         CrossfixError: the address is none of ours, or taken.
@@ -109,14 +110,21 @@ class Connections:
         ready, _, _ = select.select([self._listening, *self._open], [], [], timeout_s)
         if self._listening in ready:
             ready.remove(self._listening)
-            self._number += 1
-            self._open[self._listening.accept()[0]] = self._number
+            self._accept()
         arrivals = [_received(connection, self._open[connection]) for connection in ready]
         for connection, arrival in zip(ready, arrivals, strict=True):
             if arrival.ended:
                 del self._open[connection]
                 connection.close()
         return arrivals
+
+    def _accept(self) -> None:
+        connection, _ = self._listening.accept()
+        if len(self._open) >= MAX_CONNECTIONS:
+            connection.close()
+            return
+        self._number += 1
+        self._open[connection] = self._number
 
     def close(self) -> None:
         """Close all connections."""

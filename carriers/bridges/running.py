@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import chain, islice
 from typing import NamedTuple, TextIO
 
 import msgspec
@@ -73,7 +75,9 @@ def show_feed(carrier: str, run: str, station: Station, decode: Decoder, feed: F
     timeless = station._replace(max_clock_error_s=NO_RUN_S)
     bridge = Bridge(carrier, Printer(run), timeless, RunClock(None).now_ns)
     complaints = Complaints()
-    while not feed.ended:
+    stopped: list[bool] = []
+    on_signal(lambda: stopped.append(True))
+    while not feed.ended and not stopped:
         for arrival in feed.take(PUMP_S):
             for found in decode(arrival):
                 if (error := bridge.take(found)) is not None:
@@ -85,18 +89,28 @@ def show_feed(carrier: str, run: str, station: Station, decode: Decoder, feed: F
 def print_run(connect: str, run: str, topics: Iterable[str], count: int | None) -> int:
     """Print messages of a run as JSON lines, until it ends or `count` have been printed."""
     stopped: list[bool] = []
-    left = count if count is not None else -1
     with open_bus(connect, HUB_S) as bus:
         listener = Listener(bus, run, tuple(topics))
         on_signal(lambda: stopped.append(True))
         log.info("listening to %s", run)
-        over = False
-        while left and not stopped and not over:
-            over = listener.is_over(time.monotonic())
-            left = _print(listener.lines(), left)
+        lines = chain.from_iterable(_batches(listener, stopped))
+        try:
+            for line in islice(lines, count):
+                sys.stdout.buffer.write(line + b"\n")
+                sys.stdout.buffer.flush()
+        except BrokenPipeError:  # whoever read it has had enough; nothing is left to flush
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if listener.refused or listener.drops:
         log.warning("%d messages were none, %d too many", listener.refused, listener.drops)
     return 0
+
+
+def _batches(listener: Listener, stopped: list[bool]) -> Iterator[Iterator[bytes]]:
+    """What has come, again and again, until the run is over or somebody has stopped it."""
+    over = False
+    while not over and not stopped:
+        over = listener.is_over(time.monotonic())
+        yield listener.lines()
 
 
 def status(connect: str, run: str, carrier: str) -> ProcessState:
@@ -136,15 +150,3 @@ def _refuse_if_alive(member: Member) -> None:
             f"{member.process} takes part in {member.run} already",
             expected="another name (--as carrier=NAME), or the end of that process",
         )
-
-
-def _print(lines: Iterable[bytes], left: int) -> int:
-    """Print lines, `left` of them at most (negative: all); how many are left."""
-    out = sys.stdout.buffer
-    for line in lines:
-        if not left:
-            break
-        out.write(line + b"\n")
-        left -= 1
-    out.flush()
-    return left

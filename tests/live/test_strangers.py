@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import socket
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from itertools import chain
@@ -194,6 +195,23 @@ def test_a_run_comes_out_as_lines(tmp_path: Path) -> None:
         seqs = [report["seq"] for report in reports if report["carrier"] == carrier]
         assert seqs == list(range(seqs[0], STEPS + 1))
     assert {line["topic"] for line in lines} == {"correction", "report"}
+
+
+def test_whoever_reads_the_lines_may_stop(tmp_path: Path) -> None:
+    with LiveRun(SCENARIO, tmp_path / "run.mcap", SLOW) as run:
+        where = ["--run", run.run, "--connect", run.endpoint]
+        bridge = [sys.executable, "-m", "crossfix", "bridge", "jsonl", "--out", *where]
+        with subprocess.Popen(bridge, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as printing:
+            assert printing.stdout is not None
+            assert printing.stderr is not None
+            assert b"topic" in printing.stdout.readline()
+            printing.stdout.close()
+            assert printing.wait(DEADLINE_S) == 0
+            assert b"Error" not in printing.stderr.read()
+        counted = subprocess.run(
+            [*bridge, "--count", "3"], check=True, capture_output=True, timeout=DEADLINE_S
+        )
+        assert len(counted.stdout.splitlines()) == 3
 
 
 def status(run: LiveRun) -> dict[str, int]:

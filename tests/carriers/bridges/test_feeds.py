@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from carriers.bridges import feeds
 from carriers.bridges.feeds import (
     Arrival,
     Connection,
@@ -71,6 +72,21 @@ def test_a_connection_that_dies_ends_alone() -> None:
         assert [a.origin for a in ended] == [numbers[b"b"]]
         first.sendall(b"more")
         assert until(feed, has(b"more"))[-1].origin == numbers[b"a"]
+
+
+def test_connections_without_end_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(feeds, "MAX_CONNECTIONS", 1)
+    with (
+        closing(Connections(HOST, 0)) as feed,
+        socket.create_connection((HOST, feed.port)) as first,
+        socket.create_connection((HOST, feed.port)) as second,
+    ):
+        first.sendall(b"still here")
+        until(feed, has(b"still here"))
+        second.settimeout(DEADLINE_S)
+        while feed.take(0.01):
+            continue
+        assert second.recv(1) == b""
 
 
 def test_a_server_that_dies_is_connected_to_again() -> None:
