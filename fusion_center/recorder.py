@@ -86,7 +86,7 @@ class Recorder:
         self._counts = StreamCounts(self.lives)
         self._recovery = Recovery(member.run, member.buses.data, self._inbox)
         self._clock_ns = scenario.epoch_ns
-        self._received = self._gaps = 0
+        self._received = self._repeated = self._passed_over = self._gaps = 0
         self._statistics_s = float("-inf")
         self._finish_by_s = float("inf")
         self._expected: Mapping[StreamKey, int] = {}
@@ -124,12 +124,14 @@ class Recorder:
         return self._error
 
     def counters(self) -> dict[str, int]:
-        """Counts for `health`."""
+        """Counts for `health`; received = recorded + rejected + repeated + passed_over."""
         return {
             "received": self._received,
             "recorded": self._writer.counts.recorded,
             "bytes": self._writer.counts.bytes,
             "rejected": self._counts.rejected(),
+            "repeated": self._repeated,
+            "passed_over": self._passed_over,
             "dropped": self._inbox.drops,
             "fetched": self._recovery.fetched,
             "gaps": self._gaps,
@@ -166,6 +168,7 @@ class Recorder:
             self._refuse(Source(UNKNOWN, UNKNOWN), error)
             return
         if not address.topic.recorded:
+            self._passed_over += 1
             return
         try:
             self._write(sample, self._screen.admit(address, sample))
@@ -188,6 +191,7 @@ class Recorder:
                 raise WireError(f"seq jumps from {self._ledger.highest(stream)}", got=seq)
             seen = self._ledger.note(stream, seq)
             if seen is Seen.DUPLICATE:
+                self._repeated += 1
                 return
             if seen is Seen.REFUSED:
                 raise WireError("more gaps in seq than can be remembered", got=seq)
