@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
@@ -136,11 +137,17 @@ CODES: Mapping[str, Code] = {
 """Every kind of finding."""
 
 
+MAX_DETAILS = 20
+OTHERS = "others"
+
+
 class Notes:
     """Collects what is found, one row for a kind, a source and a detail."""
 
-    def __init__(self) -> None:
+    def __init__(self, max_rows: int = 1000) -> None:
+        self._max_rows = max_rows
         self._rows: dict[tuple[str, str, str, str], tuple[int, str]] = {}
+        self._details: Counter[tuple[str, str, str]] = Counter()
 
     def add(
         self,
@@ -158,15 +165,15 @@ class Notes:
             detail: tells cases apart that are to be shown apart, such as a field's name.
         """
         row = (code, carrier, source, detail)
-        if row not in self._rows and len(self._rows) >= MAX_ROWS:
-            return
+        if row not in self._rows:
+            row = self._new_row(*row)
         before, first = self._rows.get(row, (0, example))
         self._rows[row] = (before + count, first)
 
     def copy(self) -> Notes:
-        """The same, to be added to apart."""
-        other = Notes()
-        other._rows = dict(self._rows)
+        """The same, to be added to apart, with room for as much again."""
+        other = Notes(2 * self._max_rows)
+        other._rows, other._details = dict(self._rows), self._details.copy()
         return other
 
     def has(self, code: str, carrier: str, source: str) -> bool:
@@ -189,5 +196,14 @@ class Notes:
         ]
         return sorted(found, key=lambda f: (f.severity, f.carrier, f.source, f.code, f.example))
 
-
-MAX_ROWS = 1000
+    def _new_row(
+        self, code: str, carrier: str, source: str, detail: str
+    ) -> tuple[str, str, str, str]:
+        """A row of its own while there is room; names come from the wire and may be anything."""
+        if len(self._rows) >= self._max_rows:
+            return code, OTHERS, OTHERS, OTHERS
+        name = (code, carrier, source)
+        if self._details[name] >= MAX_DETAILS:
+            return *name, OTHERS
+        self._details[name] += 1
+        return *name, detail

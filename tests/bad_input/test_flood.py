@@ -55,7 +55,7 @@ def test_ingest_counts_every_payload_and_stays_small(count: int) -> None:
     rows = ingest.statistics()
     assert sum(row.received + row.duplicates + row.rejected for row in rows) == count
     assert all(row.reason for row in rows if row.rejected)
-    assert sum(row.received for row in rows) > count / 100  # some are as good as any
+    assert sum(row.received for row in rows) > count / 200  # some are as good as any
     assert held_bytes < MEMORY_BYTES
     assert ingest.gaps() == []
     assert ingest.ends(2**62, only_stepless=False) == []
