@@ -45,6 +45,7 @@ class CarrierNode:
         self._samples: Inbox[Sample] = Inbox()
         self._tokens: Inbox[Liveness] = Inbox()
         self._roster = Roster()
+        self._world = ""
         self._recovery = Recovery(member.run, member.buses.data, self._samples)
         self._granted: deque[Step] = deque()
         self._targets: dict[int, TruthTargets] = {}
@@ -126,9 +127,8 @@ class CarrierNode:
         return len(self._targets) < AHEAD if newest is None else step <= newest + AHEAD
 
     def _on_step(self, step: Step) -> None:
-        worlds = self._roster.boots(keys.WORLD)
-        if worlds and step.boot not in worlds:
-            return  # of another, or of nobody
+        if self._world and step.boot != self._world:
+            return  # the first is the only one
         if self._member.boot in step.given_up:
             self._restart()
         newest = self._granted[-1].step if self._granted else self._done
@@ -179,6 +179,7 @@ class CarrierNode:
         """
         up = self._member.buses.control.link_up()
         lost = self._roster.update(self._tokens.take(), up, now_s)
+        self._world = self._world or next(iter(self._roster.boots(keys.WORLD)), "")
         if self._roster.has(keys.WORLD):
             self._missed_s = float("inf")
         elif any(life.process == keys.WORLD for life in lost):

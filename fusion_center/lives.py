@@ -12,6 +12,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Container, Iterable
 from typing import Protocol
 
+from schemas import keys
 from schemas.bus.ledger import StreamKey
 from schemas.bus.roster import Life
 
@@ -51,6 +52,7 @@ class Lives:
     def __init__(self) -> None:
         self._lives: OrderedDict[Life, None] = OrderedDict()
         self._processes: set[str] = set()
+        self._world = ""
         self._lock = threading.Lock()
 
     def __contains__(self, life: object) -> bool:
@@ -59,6 +61,10 @@ class Lives:
     def has(self, process: str) -> bool:
         """Whether any life of a process has ever shown a token."""
         return process in self._processes
+
+    def is_world(self, boot: str) -> bool:
+        """Whether a boot may be this run's world: the first that showed a token is the only one."""
+        return not self._world or boot == self._world
 
     def show(self, present: Container[Life], news: Iterable[Life]) -> list[Life]:
         """Take in lives that have come; those there is no room for, which stay strangers.
@@ -77,6 +83,8 @@ class Lives:
             if gone is None:
                 return False
             del self._lives[gone]
+        if life.process == keys.WORLD and not self._world:
+            self._world = life.boot
         self._processes.add(life.process)
         self._lives[life] = None
         return True

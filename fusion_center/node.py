@@ -11,7 +11,6 @@ from schemas.bus.interface import Inbox, Liveness, Sample
 from schemas.bus.ledger import StreamKey
 from schemas.bus.member import Member
 from schemas.bus.recovery import Recovery
-from schemas.bus.roster import Life
 from schemas.errors import WireError
 from schemas.messages import Closed, DeclaredScenario, Event, Health, Input, Step
 
@@ -133,8 +132,7 @@ class FusionNode:
 
     def _on_step(self, step: Step) -> str:
         """Go on to a step; why it is none of this run's world, empty if it is."""
-        lives = self._recorder.lives
-        if lives.has(keys.WORLD) and Life(keys.WORLD, step.boot) not in lives:
+        if not self._recorder.lives.is_world(step.boot):
             return f"boot {step.boot} is no world of this run"
         if reason := refusal(step, self._scenario):
             return reason
@@ -232,6 +230,7 @@ class FusionNode:
         return {**self._ingest.claimed(), **of_fusion, **of_world}
 
     def _abandon_unclaimed(self) -> None:
+        self._news += self._attendance.strangers(self._ingest.waiting())
         for carrier, boot in self._ingest.waiting():
             dropped = self._ingest.abandon(carrier, boot)
             self._news.append(f"{dropped} messages of {carrier} were never claimed")

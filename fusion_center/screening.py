@@ -91,7 +91,7 @@ class Screen:
         if isinstance(message, DeclaredScenario):
             return "" if message == self._scenario else "another scenario"
         of_world = isinstance(message, Step | TruthTargets | TruthCarriers)
-        if of_world and not self._is_world(getattr(message, "boot", "")):
+        if of_world and not self._lives.is_world(getattr(message, "boot", "")):
             return "of no world of this run"
         if isinstance(message, Step):
             return refusal(message, self._scenario)
@@ -99,9 +99,6 @@ class Screen:
             right = message.t_ns == instant_ns(self._scenario, message.step)
             return "" if right and message.step <= self._scenario.steps else "no step of this run"
         return ""
-
-    def _is_world(self, boot: str) -> bool:
-        return Life(keys.WORLD, boot) in self._lives or not self._lives.has(keys.WORLD)
 
     def _require_channel(self, address: keys.Address, stream: StreamKey, sample: Sample) -> None:
         """A recording has so many channels; those of strangers must leave room for the others'."""

@@ -64,6 +64,7 @@ class WorldNode:
         self._joined: list[str] = []
         self._current = Step(boot=member.boot, step=0, t_ns=declared.epoch_ns)
         self._granted = self._closed = 0
+        self._centre: Life | None = None
         self._refused = 0
         self._sent_s = 0.0
         self._stop = ""
@@ -199,9 +200,7 @@ class WorldNode:
         return [life for life in self._taking_part if self._answers[life].step < step]
 
     def _fused(self) -> int:
-        centres = (life for life in self._roster.present if life.process == keys.FUSION)
-        steps = (self._answers[life].step for life in centres if life in self._answers)
-        return max(steps, default=0)
+        return self._answers[self._centre].step if self._centre in self._answers else 0
 
     def _has_room(self) -> bool:
         """Whether the fusion centre is near enough behind for another step."""
@@ -231,6 +230,8 @@ class WorldNode:
         up = self._member.buses.control.link_up()
         for life in self._roster.update(self._tokens.take(), up, now_s):
             self._on_loss(life)
+        if self._centre is None and (boots := self._roster.boots(keys.FUSION)):
+            self._centre = Life(keys.FUSION, boots[0])  # the first is the only one
         if now_s - self._sent_s > RESEND_S and self._current.step:
             self._say()
         self._member.beat(
