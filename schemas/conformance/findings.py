@@ -130,7 +130,7 @@ CODES: Mapping[str, Code] = {
         "error", "Declare the liveliness token alive/CARRIER/BOOT before the first message."
     ),
     "backfill": Code(
-        "error", "Serve backfill/CARRIER: whoever missed a message asks for it there."
+        "warning", "Serve backfill/CARRIER: whoever missed a message asks for it there."
     ),
     "latched": Code("warning", "Serve source/CARRIER/SOURCE: who comes late asks for it there."),
 }
