@@ -22,6 +22,8 @@ from .zenoh_session import Settings, close_session, open_session
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 CLOSE_S = 0.3
+RECEIVERS = 64
+"""Of a whole host that is cut off each link holds one for 10 s; idle they cost nothing."""
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 _HUB: Settings = {
@@ -99,7 +101,7 @@ def _open(listen: str, connect: Sequence[str], strict: bool) -> tuple[zenoh.Sess
     """The hub's session, and the endpoint it listens on."""
     try:
         session = open_session(
-            {**_HUB, "listen/endpoints": [listen], "connect/endpoints": list(connect)}
+            {**_HUB, "listen/endpoints": [listen], "connect/endpoints": list(connect)}, RECEIVERS
         )
     except zenoh.ZError as error:
         if "Address already in use" not in str(error):

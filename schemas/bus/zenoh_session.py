@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import threading
 from collections.abc import Mapping
 
@@ -12,6 +13,9 @@ import zenoh
 Settings = Mapping[str, object]
 LEASE_MS = 2000
 MAX_MESSAGE_BYTES = 16 * 1024 * 1024
+RECEIVERS = 8
+"""Zenoh closes a link that fell silent, as to a host that was cut off, for 10 s in one of its
+receiving threads. It has two of them, and with both taken nothing else is received meanwhile."""
 _LOG = logging.getLogger(__name__)
 
 COMMON: Settings = {
@@ -28,12 +32,17 @@ COMMON: Settings = {
 }
 
 
-def open_session(settings: Settings) -> zenoh.Session:
+def open_session(settings: Settings, receivers: int = RECEIVERS) -> zenoh.Session:
     """Open a session with the common settings and these.
+
+    Args:
+        receivers: threads, more than links that may fall silent at once; the first session of a
+            process decides for all of them.
 
     Raises:
         zenoh.ZError: a setting does not exist, or there is nobody there.
     """
+    os.environ["ZENOH_RUNTIME"] = f"(rx: (worker_threads: {receivers}))"
     config = zenoh.Config()
     for name, value in {**COMMON, **settings}.items():
         config.insert_json5(name, json.dumps(value))
