@@ -47,9 +47,14 @@ class Everyone:
 
 
 class Lives:
-    """Lives that have shown their token in this run, even if it is gone since; for all threads."""
+    """Lives that have shown their token in this run, even if it is gone since; for all threads.
 
-    def __init__(self) -> None:
+    Args:
+        declared: processes there is always room for.
+    """
+
+    def __init__(self, declared: Iterable[str] = ()) -> None:
+        self._declared = {*declared, *keys.RESERVED_PROCESSES}
         self._lives: OrderedDict[Life, None] = OrderedDict()
         self._processes: set[str] = set()
         self._world = ""
@@ -76,18 +81,22 @@ class Lives:
             return [life for life in sorted(news) if not self._take(life, present)]
 
     def _take(self, life: Life, present: Container[Life]) -> bool:
-        if life.process not in self._processes and len(self._processes) >= MAX_PROCESSES:
+        is_new = life.process not in self._processes
+        has_room = len(self._lives) < MAX_LIVES or self._make_room(present)
+        has_room &= not (is_new and len(self._processes) >= MAX_PROCESSES)
+        if not (has_room or life.process in self._declared):
             return False
-        if len(self._lives) >= MAX_LIVES:
-            gone = next((old for old in self._lives if old not in present), None)
-            if gone is None:
-                return False
-            del self._lives[gone]
         if life.process == keys.WORLD and not self._world:
             self._world = life.boot
         self._processes.add(life.process)
         self._lives[life] = None
         return True
+
+    def _make_room(self, present: Container[Life]) -> bool:
+        gone = next((old for old in self._lives if old not in present), None)
+        if gone is not None:
+            del self._lives[gone]
+        return gone is not None
 
 
 class Door:

@@ -80,7 +80,7 @@ class Recorder:
     def __init__(self, member: Member, writer: RecordingWriter, scenario: DeclaredScenario) -> None:
         self._member, self._writer = member, writer
         self._inbox: Inbox[Sample] = Inbox(256 * 1024 * 1024)
-        self.lives = Lives()
+        self.lives = Lives(carrier.name for carrier in scenario.carriers)
         self._ledger = Ledger()
         self._screen = Screen(scenario, self.lives, self._ledger.forget)
         self._counts = StreamCounts(self.lives)
