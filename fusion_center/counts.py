@@ -35,9 +35,13 @@ class StreamCounts:
     """A row of counts by carrier and stream; who takes part in the run always gets one.
 
     Names come from the wire and may be anything: beyond some hundreds strangers share one row.
+
+    Attributes:
+        rejected: messages refused, over all streams; other threads may read it.
     """
 
     def __init__(self, known: Known) -> None:
+        self.rejected = 0
         self._known = known
         self._rows: dict[tuple[str, str], _Row] = {}
 
@@ -53,13 +57,10 @@ class StreamCounts:
         The first of a stream is, the tenth, the hundredth: a flood must not flood the log.
         """
         row = self._row(carrier, stream)
+        self.rejected += 1
         row.rejected = min(MAX_COUNT, row.rejected + 1)
         row.reason = reason[:MAX_REASON]
         return row.rejected in _POWERS
-
-    def rejected(self) -> int:
-        """Messages refused, over all streams."""
-        return sum(row.rejected for row in self._rows.values())
 
     def rejections(self) -> dict[str, str]:
         """How many were refused by carrier/stream, the most first, each with the last reason."""

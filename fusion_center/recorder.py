@@ -129,7 +129,7 @@ class Recorder:
             "received": self._received,
             "recorded": self._writer.counts.recorded,
             "bytes": self._writer.counts.bytes,
-            "rejected": self._counts.rejected(),
+            "rejected": self._counts.rejected,
             "repeated": self._repeated,
             "passed_over": self._passed_over,
             "dropped": self._inbox.drops,
@@ -247,6 +247,6 @@ class Recorder:
             recorded=self._writer.counts.recorded,
             dropped=self._inbox.drops,
             gaps=self._gaps,
-            rejected=self._counts.rejected(),
+            rejected=self._counts.rejected,
             rejections=self._counts.rejections(),
         )

@@ -182,12 +182,12 @@ def test_a_member_gone_mad_harms_itself_only(small: Scenario, tmp_path: Path, wh
 def test_a_live_flood_changes_no_byte(tmp_path: Path) -> None:
     still, path = tmp_path / "still.mcap", tmp_path / "flooded.mcap"
     with LiveRun(PATROL, still) as run:
-        assert run.await_end() == 0
+        assert run.await_end() == 0, run.lines[-30:]
     with LiveRun(PATROL, path) as run:
         run.await_step(2)
         with open_bus(run.endpoint) as bus:
             sent = flooded(bus, run.run, lambda: run.code is None)
-        assert run.await_end() == 0
+        assert run.await_end() == 0, run.lines[-30:]
     assert sent >= LIVE_FLOOD
     assert outputs(path) == outputs(still)
     assert outputs(path) == refused(path)
