@@ -1,0 +1,110 @@
+"""One run as containers: what `docker compose` makes of our file, and what comes of it."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, TypeVar
+
+import msgspec
+
+from crossfix.launch import free_endpoint
+from schemas import codec, keys
+from schemas.bus.interface import Bus, Inbox, Sample
+from tests.containers.engine import compose_command, docker, run
+
+RUN = "strait"
+SERVICES = ("hub", "world", "levante", "poniente", "siroco", "fusion")
+RECORDINGS = "/crossfix/recordings"
+DEADLINE_S = 120.0
+T = TypeVar("T", bound=msgspec.Struct)
+
+
+class Composed:
+    """A compose project of its own; `with` removes its containers, network and volume."""
+
+    def __init__(self, checkout: Path, image: str, duration_s: int) -> None:
+        self.endpoint = free_endpoint(port=0)
+        self._checkout, self._name = checkout, f"{image}-{duration_s}"
+        self._variables = {
+            "CROSSFIX_IMAGE": image,
+            "CROSSFIX_PORT": self.endpoint.rpartition(":")[2],
+            "CROSSFIX_DURATION_S": str(duration_s),
+        }
+
+    def __enter__(self) -> Composed:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if error is not None:
+            error.add_note(self.compose("logs", "--no-color")[-4000:])
+        self.compose("down", "--volumes", "--timeout", "1")
+
+    def compose(self, *arguments: str) -> str:
+        """What a compose command prints."""
+        command = [*compose_command(), "--project-name", self._name, *arguments]
+        return run(command, cwd=self._checkout, timeout_s=DEADLINE_S, **self._variables).stdout
+
+    def container(self, service: str) -> str:
+        """Id of a service's container, also of one that has ended."""
+        labels = {"project": self._name, "service": service}
+        filters = [f"--filter=label=com.docker.compose.{k}={v}" for k, v in labels.items()]
+        return docker("ps", "--all", "--quiet", "--no-trunc", *filters)
+
+    def inspected(self, service: str) -> dict[str, Any]:
+        """Everything the engine knows of a container."""
+        found: list[dict[str, Any]] = json.loads(docker("inspect", self.container(service)))
+        return found[0]
+
+    def exit_codes(self) -> dict[str, int]:
+        """Exit code of every service's container; waits for those that still run."""
+        return {service: int(docker("wait", self.container(service))) for service in SERVICES}
+
+    def is_healthy(self, process: str, asked_in: str = "hub") -> bool:
+        """What the health check says of a process."""
+        command = ["docker", "exec", self.container(asked_in), "healthy", RUN, process]
+        return run(command, check=False).returncode == 0
+
+    @contextmanager
+    def cut_off(self, service: str) -> Iterator[None]:
+        """Take a container out of the network for a while."""
+        network, container = f"{self._name}_default", self.container(service)
+        docker("network", "disconnect", network, container)
+        try:
+            yield
+        finally:
+            docker("network", "connect", network, container)
+
+    def fetch_recording(self, folder: Path) -> Path:
+        """A copy of the recording from the volume."""
+        docker("cp", f"{self.container('fusion')}:{RECORDINGS}/{RUN}.mcap", str(folder))
+        return folder / f"{RUN}.mcap"
+
+
+class Onlooker:
+    """Hears a run from outside, through the hub's published port."""
+
+    def __init__(self, bus: Bus, *topics: keys.Topic) -> None:
+        self._inbox: Inbox[Sample] = Inbox()
+        for topic in topics:
+            bus.subscribe(topic.every(RUN), self._inbox)
+
+    def await_message(self, kind: type[T], wanted: Callable[[T], bool]) -> T:
+        """The next message of a kind that is as wanted."""
+        deadline_s = time.monotonic() + DEADLINE_S
+        while time.monotonic() < deadline_s:
+            for sample in self._inbox.take(0.05):
+                if keys.parse(sample.key).topic.message is kind:
+                    message = codec.decode(kind, sample.payload)
+                    if wanted(message):
+                        return message
+        raise AssertionError(f"no such {kind.__name__} in {DEADLINE_S:g} s")
