@@ -81,7 +81,9 @@ class Attendance:
         """Sentences about those who publish without a token, each once."""
         names = {life.process for life in waiting if life not in self._lives}
         return self._once(
-            f"{name} publishes, but shows no liveliness token alive/{name}/BOOT: not fused"
+            f"another life publishes as {name}, but shows no liveliness token: not fused"
+            if self._lives.has(name)
+            else f"{name} publishes, but shows no liveliness token alive/{name}/BOOT: not fused"
             for name in sorted(names)
         )
 

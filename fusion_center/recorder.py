@@ -35,6 +35,8 @@ STATISTICS_S = 1.0
 HOLD_BACK_BYTES = 16 * 1024 * 1024
 """A queue longer than this holds back the acknowledgement of the fusion centre."""
 FINISH_S = 10.0
+PATIENCE_S = 30.0
+"""Nobody waits for a gap in a recording, so it is asked for as long as its owner may have it."""
 
 
 def record_run(
@@ -84,7 +86,7 @@ class Recorder:
         self._ledger = Ledger()
         self._screen = Screen(scenario, self.lives, self._ledger.forget)
         self._counts = StreamCounts(self.lives)
-        self._recovery = Recovery(member.run, member.buses.data, self._inbox)
+        self._recovery = Recovery(member.run, member.buses.data, self._inbox, PATIENCE_S)
         self._clock_ns = scenario.epoch_ns
         self._received = self._repeated = self._passed_over = self._gaps = 0
         self._statistics_s = float("-inf")

@@ -18,6 +18,8 @@ OVERTAKING_S = 0.05
 """A closed step often overtakes its data on another session: wait this long before asking."""
 ATTEMPT_S = 0.3
 ATTEMPTS = 3
+MOST_ATTEMPT_S = 1.2
+"""A slow owner is given more time from question to question, up to this."""
 MAX_DOUBLINGS = 3
 """The pause before a silent owner is asked again grows to 8 attempts."""
 AT_ONCE = 8
@@ -55,15 +57,20 @@ class Recovery:
     inbox, and gives up those that come back. An owner that does not answer is asked one thing at a
     time and ever less often: it must not hold up the others.
 
+    Args:
+        patience_s: with an owner that does not answer; a busy one may not for seconds.
+
     Attributes:
         fetched: messages that came so.
         refused: records in an answer that are not of the stream asked for: an owner speaks for
             its own streams only.
     """
 
-    def __init__(self, run: str, bus: Bus, inbox: Inbox[Sample]) -> None:
+    def __init__(
+        self, run: str, bus: Bus, inbox: Inbox[Sample], patience_s: float = RELINK_S
+    ) -> None:
         self.fetched = self.refused = 0
-        self._run, self._bus, self._inbox = run, bus, inbox
+        self._run, self._bus, self._inbox, self._patience_s = run, bus, inbox, patience_s
         self._cases: dict[StreamKey, _Case] = {}
         self._owners: dict[str, _Owner] = {}
         self._lock = threading.Lock()
@@ -108,7 +115,8 @@ class Recovery:
             case.weighed = True
             return False
         if case.weighed or (
-            case.attempts >= ATTEMPTS and now_s - max(self._linked_s, case.noticed_s) > RELINK_S
+            case.attempts >= ATTEMPTS
+            and now_s - max(self._linked_s, case.noticed_s) > self._patience_s
         ):
             return True
         owner = self._owners[key.process]
@@ -122,14 +130,14 @@ class Recovery:
     def _work(self) -> None:
         while (order := self._orders.get()) is not None:
             gap, case, owner = order
-            case.answered = self._ask(gap)
+            case.answered = self._ask(gap, min(_pause_s(owner), MOST_ATTEMPT_S))
             case.attempts += 1
             case.in_flight = False
             owner.silent = 0 if case.answered else owner.silent + 1
             with self._lock:
                 owner.asked -= 1
 
-    def _ask(self, gap: Gap) -> bool:
+    def _ask(self, gap: Gap, timeout_s: float) -> bool:
         """Whether the owner answered; what it still had is in the inbox by then."""
         key, first, last = gap
         request = BackfillRequest(boot=key.boot, stream=key.stream, first=first, last=last)
@@ -137,7 +145,7 @@ class Recovery:
             keys.BACKFILL.key(self._run, key.process),
             codec.encode(request),
             codec.encoding_of(BackfillRequest),
-            ATTEMPT_S,
+            timeout_s,
         )
         taken = [self._take(key, sample) for sample in samples]
         return any(taken)
@@ -172,8 +180,11 @@ class Recovery:
 
 def _due_s(owner: _Owner, case: _Case) -> float:
     """When to ask next: at once, then after an attempt's time, of a silent owner ever later."""
-    beyond = owner.silent - ATTEMPTS
-    if not case.asked_s and beyond < 0:
+    if not case.asked_s and owner.silent < ATTEMPTS:
         return case.noticed_s + OVERTAKING_S
-    pause_s: float = ATTEMPT_S * 2.0 ** min(max(beyond, 0), MAX_DOUBLINGS)
-    return max(case.asked_s, case.noticed_s) + pause_s
+    return max(case.asked_s, case.noticed_s) + _pause_s(owner)
+
+
+def _pause_s(owner: _Owner) -> float:
+    beyond = min(max(owner.silent - ATTEMPTS, 0), MAX_DOUBLINGS)
+    return float(ATTEMPT_S * 2.0**beyond)

@@ -143,11 +143,11 @@ class Listener:
 
     def _close(self) -> None:
         """Ask for what was lost on the way, and say who has a twin."""
+        self._hear(PUMP_S)
         for _ in range(ROUNDS):
             gaps = [gap for gap in self.conformance.gaps() if Life(*gap[0][:2]) in self._present]
             if not sum([self._backfill(*gap) for gap in gaps[:MOST_QUESTIONS]]):
                 break
-        self._hear(PUMP_S)
         boots: dict[str, list[str]] = {}
         for carrier, boot in sorted(self._present & set(self._heard_s)):
             boots.setdefault(carrier, []).append(boot)

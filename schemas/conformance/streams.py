@@ -19,6 +19,8 @@ JITTER_SHARE = 0.25
 """Of the period; one interval in twenty may be worse."""
 SKIPPED = 1.6
 """An interval longer than so many periods has left a report out."""
+LEAST_SKIPS, SKIPPED_SHARE = 3, 0.02
+"""Fewer, in number and by share, are an accident: a step missed by a busy machine."""
 NS = 1e-9
 
 
@@ -118,7 +120,7 @@ class StreamCheck:
             example = f"declares a report every {period_s:g} s, sends one every {typical_s:.3g} s"
             notes.add("rate", carrier, source, example)
             return
-        if skips:
+        if len(skips) >= max(LEAST_SKIPS, SKIPPED_SHARE * len(intervals)):
             seq, interval = skips[0]
             example = f"{interval:.3g} s pass between seq {seq - 1} and {seq}"
             code = "time_jitter" if self.empty else "empty_reports"

@@ -47,7 +47,7 @@ SAMPLES: st.SearchStrategy[Any] = st.builds(Sample, KEYS, PAYLOADS, ENCODINGS)
 
 
 @given(SAMPLES)
-@settings(max_examples=300)
+@settings(max_examples=200)
 def test_a_sample_is_understood_or_refused(sample: Sample) -> None:
     with suppress(WireError):
         address, message = receive(sample)
@@ -55,7 +55,7 @@ def test_a_sample_is_understood_or_refused(sample: Sample) -> None:
 
 
 @given(st.lists(SAMPLES, min_size=1, max_size=5))
-@settings(max_examples=150)
+@settings(max_examples=80)
 def test_ingest_counts_each_once(samples: list[Sample]) -> None:
     ingest = Ingest()
     for sample in samples:
@@ -65,7 +65,7 @@ def test_ingest_counts_each_once(samples: list[Sample]) -> None:
 
 
 @given(st.lists(SAMPLES, min_size=1, max_size=5))
-@settings(max_examples=150)
+@settings(max_examples=80)
 def test_the_checker_says_something_of_everything(samples: list[Sample]) -> None:
     conformance = Conformance(RUN)
     for sample in samples:

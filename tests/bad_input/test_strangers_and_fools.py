@@ -115,8 +115,9 @@ def test_twins_and_strangers_are_told_once() -> None:
     (told,) = attendance.update([], True, TWIN_S + 0.1).news
     assert told.startswith("2 processes are called alpha, boots a, b")
     assert attendance.update([], True, TWIN_S + 1).news == []
-    (told,) = attendance.strangers([Life("mallory", "m"), ALPHA])
-    assert told.startswith("mallory publishes, but shows no liveliness token")
+    other, stranger = attendance.strangers([Life("mallory", "m"), ALPHA, Life("alpha", "x")])
+    assert other.startswith("another life publishes as alpha")
+    assert stranger.startswith("mallory publishes, but shows no liveliness token")
     assert attendance.strangers([Life("mallory", "other")]) == []
 
 

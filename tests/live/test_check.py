@@ -15,14 +15,14 @@ from tests.live.outsiders import started
 
 pytestmark = pytest.mark.live
 SCENARIO = Path(__file__).with_name("patrol.toml")
-SECONDS = 6
+SECONDS = 4
 DEADLINE_S = 60
 
 
 def test_the_example_and_our_carriers_are_clean_live(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     how = ["--run", "patrol", "--connect"]
-    with LiveRun(SCENARIO, path, RunOptions(rate="6")) as run:
+    with LiveRun(SCENARIO, path, RunOptions(rate="10")) as run:
         example = ["examples/external_publisher.py", *how, run.endpoint]
         with started(*example) as process:
             run.await_news("visitor has come")

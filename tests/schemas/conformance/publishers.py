@@ -18,7 +18,7 @@ CARRIER = "visitor"
 BOOT = "b00t"
 EPOCH_NS = 1_767_225_600 * 10**9
 SECOND = 10**9
-STEPS = 240
+STEPS = 120
 TARGETS = 12
 SIGMA_RAD, SIGMA_M = 0.005, 30.0
 RADAR: dict[str, Any] = {
@@ -99,7 +99,7 @@ class Publisher:
 
 def look(step: int, dice: Random, noise: float) -> Message:
     """Target logs as columns; now and then there is nothing to see."""
-    if step % 50 == 0:
+    if step % 20 == 0:
         return {}
     logs: Message = {name: [] for name in (
         "bearing_rad", "range_m", "sigma_bearing_rad", "sigma_range_m", "track_id")}  # fmt: skip

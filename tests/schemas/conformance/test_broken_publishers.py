@@ -243,7 +243,7 @@ def test_a_life_after_another_is_no_fault() -> None:
 
 
 def test_what_is_whole_only_for_those_who_heard_the_beginning() -> None:
-    late = [*Publisher().samples()][300:]
+    late = [*Publisher().samples()][100:]
     midway, whole = Conformance(RUN, whole=False), Conformance(RUN, whole=False)
     whole.began(CARRIER, BOOT)
     for sample, arrived_s in late:

@@ -13,7 +13,7 @@ import pytest
 from schemas import codec, keys
 from schemas.bus.memory_bus import MemoryBus, MemoryNetwork
 from schemas.bus.outbox import Outbox
-from schemas.conformance import Conformance, Finding, Listener
+from schemas.conformance import Conformance, Finding, Listener, listening
 from schemas.messages import Ack, Navigation, Pose, SourceInfo, SourceProperties, SourceReport
 from sim_world.scenario import load_scenario
 from tests.whole.in_memory import MemoryRun
@@ -25,6 +25,11 @@ PROPERTIES = SourceProperties(
     period_s=PERIOD_S, sigma_bearing_rad=0.005, sigma_range_m=30.0, range_max_m=3e4
 )
 Send = Callable[[int], None]
+
+
+@pytest.fixture(autouse=True)
+def _brisk(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(listening, "ASK_S", 0.3)
 
 
 @pytest.fixture
@@ -85,7 +90,7 @@ def publishing(send: Send) -> Iterator[None]:
         thread.join()
 
 
-def told(network: MemoryNetwork, seconds: float = 2.0) -> set[tuple[str, str]]:
+def told(network: MemoryNetwork, seconds: float = 1.0) -> set[tuple[str, str]]:
     findings: list[Finding] = Listener(network.bus("checker"), RUN, NAME).listen(seconds).findings()
     # The pace of a thread on a busy machine is not what is tried here.
     timing = {"time_jitter", "rate", "empty_reports"}
@@ -111,7 +116,7 @@ def test_no_token_no_backfill_and_no_latched_value_are_told(network: MemoryNetwo
     bus = network.bus(NAME)
     _, send = visitor(_Mute(bus))
     with publishing(send):
-        assert told(network, 3.0) == {("token", ""), ("backfill", ""), ("latched", "radar")}
+        assert told(network, 2.0) == {("token", ""), ("backfill", ""), ("latched", "radar")}
 
 
 def test_steps_that_nobody_acknowledges_are_told(network: MemoryNetwork) -> None:
