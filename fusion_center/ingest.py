@@ -146,6 +146,10 @@ class Ingest:
         """The last message that a Closed has named of every stream."""
         return {key: last for key, last in self._claimed.items() if last}
 
+    def given_up(self) -> list[Gap]:
+        """What was given up and has not come since."""
+        return list(self._ledger.given_up())
+
     def abandon(self, carrier: str, boot: str) -> int:
         """Drop what a lost boot sent beyond its last answer; how many messages nobody claimed."""
         dropped = 0

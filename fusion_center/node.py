@@ -216,7 +216,7 @@ class FusionNode:
         reason = self._stop or (self._ended.ended if self._ended else "stopped")
         self._abandon_unclaimed()
         self._publish_health(time.monotonic())
-        self._recorder.finish(reason, self._expected())
+        self._recorder.finish(reason, self._expected(), self._ingest.given_up())
         self._recovery.close()
         self._member.ack(self._step)
         return reason

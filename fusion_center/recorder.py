@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -16,7 +16,7 @@ from schemas.bus.interface import Inbox, Sample
 from schemas.bus.latched import fetch
 from schemas.bus.ledger import Ledger, Seen, StreamKey
 from schemas.bus.member import Member
-from schemas.bus.recovery import Recovery
+from schemas.bus.recovery import Gap, Recovery
 from schemas.bus.roster import Life
 from schemas.errors import RecordingError, WireError
 from schemas.messages import DeclaredScenario, Statistics, Step, TruthScenario
@@ -92,6 +92,7 @@ class Recorder:
         self._statistics_s = float("-inf")
         self._finish_by_s = float("inf")
         self._expected: Mapping[StreamKey, int] = {}
+        self._given_up: Sequence[Gap] = ()
         self._reason = "interrupted"
         self._error: RecordingError | None = None
         self._thread = threading.Thread(target=self._work, name="recorder")
@@ -139,9 +140,16 @@ class Recorder:
             "gaps": self._gaps,
         }
 
-    def finish(self, reason: str, expected: Mapping[StreamKey, int]) -> None:
-        """Wait until everything expected is recorded, at most 10 s, and seal the file."""
-        self._reason, self._expected = reason, expected
+    def finish(
+        self, reason: str, expected: Mapping[StreamKey, int], given_up: Sequence[Gap] = ()
+    ) -> None:
+        """Wait until everything expected is recorded, at most 10 s, and seal the file.
+
+        Args:
+            expected: the last message of each stream.
+            given_up: what of it is not waited for any longer.
+        """
+        self._reason, self._expected, self._given_up = reason, expected, given_up
         self._finish_by_s = time.monotonic() + FINISH_S
         self._inbox.wake()
         self._thread.join()
@@ -212,10 +220,17 @@ class Recorder:
         gaps = [gap for gap in self._ledger.gaps() if self._is_missed(gap[0])]
         for key, last in self._expected.items():
             gaps += [(key, *span) for span in self._ledger.missing(key, last)]
-        for key, first, last in self._recovery.pursue(gaps, time.monotonic()):
-            self._ledger.give_up(key, first, last)
-            self._gaps = min(MAX_COUNT, self._gaps + last - first + 1)
-            log.warning("never had: %s %s %d..%d", key.process, key.stream, first, last)
+        hopeless = self._recovery.pursue(gaps, time.monotonic())
+        given_up, self._given_up = self._given_up, ()
+        for gap in (*hopeless, *given_up):
+            self._give_up(*gap)
+
+    def _give_up(self, key: StreamKey, first: int, last: int) -> None:
+        for start, end in self._ledger.missing(key, last):
+            if end >= first:
+                self._gaps = min(MAX_COUNT, self._gaps + end - max(start, first) + 1)
+                log.warning("never had: %s %s %d..%d", key.process, key.stream, start, end)
+        self._ledger.give_up(key, first, last)
 
     def _is_missed(self, stream: StreamKey) -> bool:
         return not stream.boot or Life(stream.process, stream.boot) in self.lives

@@ -110,6 +110,12 @@ class Ledger:
             for first, last in stream.accounted.holes(1, stream.accounted.last):
                 yield key, first, last
 
+    def given_up(self) -> Iterator[tuple[StreamKey, int, int]]:
+        """Everything that was given up and has not come since."""
+        for key, stream in self._streams.items():
+            for first, last in stream.gave_up:
+                yield key, first, last
+
     def streams(self) -> list[StreamKey]:
         """Every stream seen, in order of first appearance."""
         return list(self._streams)

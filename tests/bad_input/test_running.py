@@ -126,7 +126,9 @@ def test_a_flood_in_memory_changes_no_byte_and_is_told(
         questions(bus, run.run)
 
     with MemoryNetwork() as network:
-        MemoryRun(small, network, path, step_timeout_s=60.0).carry_out(flood)
+        run = MemoryRun(small, network, path, step_timeout_s=60.0)
+        run.fusion_delay_s = 0.05  # so that the flood finds it running
+        run.carry_out(flood)
     assert outputs(path) == quiet
     assert outputs(path) == refused(path)
     told = list(messages(path, keys.HEALTH, Health))[-1]
@@ -139,7 +141,7 @@ def test_a_flood_in_memory_changes_no_byte_and_is_told(
         assert recording.end is not None
         assert recording.end.reason == "finished"
         assert (recording.end.dropped, recording.end.gaps) == (0, 0)
-        assert recording.end.rejected > 1000
+        assert recording.end.rejected > 300
         assert any(name.startswith("alpha/") for name in recording.end.rejections)
 
 
