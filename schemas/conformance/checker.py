@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
 
 from .. import codec, keys
 from ..bus.interface import Sample
@@ -25,6 +24,7 @@ from . import refusals
 from .findings import Finding, Notes
 from .logs import LogsCheck
 from .residuals import Residuals, SigmaCheck
+from .speakers import Life, Speakers
 from .streams import NS, StreamCheck
 
 MAX_STREAMS = 1000
@@ -33,18 +33,9 @@ LOOKED_AT_RAW = 20
 MAX_SPEED_MPS = 1000.0
 """What has moved faster is another target under the same name."""
 LEAST_REPORTS = 3
-LEAST_TURNS = 3
-"""An earlier life may be heard once more when it is over; so often it is not over."""
 SLACK_S = 0.5
 """Of wall clocks and of the way of a message."""
 UNITS = {"seconds": 1e-9, "milliseconds": 1e-6, "microseconds": 1e-3}
-
-
-class Life(NamedTuple):
-    """One boot of one carrier."""
-
-    carrier: str
-    boot: str
 
 
 class Conformance:
@@ -76,10 +67,7 @@ class Conformance:
         self._step_ns: int | None = None
         self._acked: set[str] = set()
         self._stepped: dict[str, str] = {}
-        self._began: set[Life] = set()
-        self._tokens: set[Life] | None = None
-        self._speaking: dict[str, list[str]] = {}
-        self._turns: dict[str, list[str]] = {}
+        self._speakers = Speakers()
         self._navigated: set[str] = set()
 
     def take(self, sample: Sample, arrived_s: float, *, fetched: bool = False) -> None:
@@ -106,11 +94,11 @@ class Conformance:
 
     def began(self, carrier: str, boot: str) -> None:
         """A boot's token came while we listened: its streams have to begin with seq 1."""
-        self._began.add(Life(carrier, boot))
+        self._speakers.began(Life(carrier, boot))
 
     def saw_tokens(self, lives: Iterable[tuple[str, str]]) -> None:
         """Whose liveliness tokens are there; call it again for more."""
-        self._tokens = (self._tokens or set()) | {Life(*life) for life in lives}
+        self._speakers.saw_tokens(lives)
 
     def note(self, code: str, carrier: str, source: str, example: str) -> None:
         """Add what was found by other means, such as a question nobody answered."""
@@ -187,7 +175,7 @@ class Conformance:
         if stream is None:
             return
         if not fetched:
-            self._note_speaker(carrier, message.boot)
+            self._speakers.heard(Life(carrier, message.boot))
         if not stream.take(message.seq, message.t_ns, sample.payload, arrived_s, fetched):
             return
         self._note_stamp(stream, message.t_ns, arrived_s, fetched)
@@ -265,17 +253,6 @@ class Conformance:
         for name in reading.unknown_fields(raw, message):
             self._notes.add("unknown_field", carrier, source, name, detail=name)
 
-    def _note_speaker(self, carrier: str, boot: str) -> None:
-        """One life follows the other; when an earlier one speaks again, there are two."""
-        boots = self._speaking.setdefault(carrier, [])
-        if boot in boots[:-1]:
-            example = f"boot {boot} speaks again after boot {boots[-1]}"
-            self._turns.setdefault(carrier, []).append(example)
-            boots.remove(boot)
-        if boot not in boots:
-            boots.append(boot)
-            del boots[:-8]
-
     def _note_stamp(self, stream: StreamCheck, t_ns: int, arrived_s: float, fetched: bool) -> None:
         """Hold a stamp against the time of the run, or of the listener where there is no world."""
         if fetched or stream.key.stream == "info":
@@ -305,7 +282,7 @@ class Conformance:
 
     def _judge_start(self, notes: Notes, stream: StreamCheck) -> None:
         life = Life(stream.key.process, stream.key.boot)
-        if (self._whole or life in self._began) and stream.first > 1:
+        if (self._whole or self._speakers.is_new(life)) and stream.first > 1:
             notes.add("seq_start", life.carrier, stream.source, f"begins with seq {stream.first}")
 
     def _judge_tracks(self, notes: Notes, name: tuple[str, str]) -> None:
@@ -338,15 +315,10 @@ class Conformance:
         self._judge_lives(notes)
 
     def _judge_lives(self, notes: Notes) -> None:
-        for carrier, turns in self._turns.items():
-            if len(turns) >= LEAST_TURNS:
-                notes.add("two_processes", carrier, "", turns[0], count=len(turns))
         for carrier, example in self._stepped.items():
             if self._acked and carrier not in self._acked:
                 notes.add("unanswered", carrier, "", example)
-        for life in self.lives():
-            if self._tokens is not None and life not in self._tokens:
-                notes.add("token", life.carrier, "", f"boot {life.boot} shows none")
+        self._speakers.judge(notes, self.lives())
 
     def _judge_navigation(self, notes: Notes, carrier: str) -> None:
         reports = max(s.count for k, s in self._streams.items() if k.process == carrier)

@@ -10,7 +10,8 @@ from ..bus.interface import Bus, Inbox, Liveness, Sample
 from ..bus.ledger import StreamKey
 from ..errors import WireError
 from ..messages import BackfillReply, BackfillRequest, Input, SourceReport, Step
-from .checker import Conformance, Life
+from .checker import Conformance
+from .speakers import Life
 
 PUMP_S = 0.05
 ASK_S = 1.0
