@@ -13,7 +13,7 @@ from schemas.bus.recovery import Gap
 from schemas.bus.roster import Life
 from schemas.errors import WireError
 from schemas.messages import Closed, Input, SourceInfo, StreamEnd, StreamSpan, StreamStatistics
-from schemas.received import receive_at
+from schemas.received import receive
 
 from .counts import UNKNOWN, StreamCounts
 from .lives import Door, Everyone, Known
@@ -64,7 +64,7 @@ class Ingest:
             return
         carrier, stream = address.ids.get("carrier", UNKNOWN), keys.stream(address)
         try:
-            message = receive_at(address, sample)
+            message = receive(sample).message
             if not isinstance(message, Input):
                 raise WireError("not an input of a carrier", got=address.topic.name)
             self._take(message, OVERHEAD_BYTES + GROWTH * len(sample.payload))

@@ -24,7 +24,7 @@ from schemas.messages import (
     TruthCarriers,
     TruthTargets,
 )
-from schemas.received import receive_at
+from schemas.received import receive
 from schemas.recording.writer import MAX_ENCODING_CHARS
 
 from .closing import instant_ns, refusal
@@ -63,7 +63,8 @@ class Screen:
     ) -> None:
         self._scenario, self._lives = scenario, lives
         self._door = Door(lives, forget)
-        self._channels: dict[str, set[tuple[str, str]]] = {name: set() for name in MAX_CHANNELS}
+        self._open: set[tuple[str, str]] = set()
+        self._channels = dict.fromkeys(MAX_CHANNELS, 0)
 
     def admit(self, address: keys.Address, sample: Sample) -> Screened:
         """The message of a sample.
@@ -71,14 +72,14 @@ class Screen:
         Raises:
             WireError: why it may not be recorded.
         """
-        message = receive_at(address, sample)
+        message = receive(sample).message
         if address.ids.get("centre", keys.FUSION) != keys.FUSION:
             raise WireError("of another fusion centre", got=address.ids["centre"])
-        if reason := self._is_of_another_run(message):
-            raise WireError(reason, where=sample.key)
         stream = stream_key(address, message)
-        if isinstance(message, Input) and (reason := self._door.admit(stream)):
-            raise WireError(reason)
+        is_input = isinstance(message, Input)
+        reason = self._door.admit(stream) if is_input else self._is_of_another_run(message)
+        if reason:
+            raise WireError(reason, where=sample.key)
         self._require_channel(address, stream, sample)
         seq = getattr(message, "seq", 0) or getattr(message, "step", 0)
         is_status = address.topic.role is keys.Role.STATUS
@@ -102,6 +103,9 @@ class Screen:
 
     def _require_channel(self, address: keys.Address, stream: StreamKey, sample: Sample) -> None:
         """A recording has so many channels; those of strangers must leave room for the others'."""
+        channel = (sample.key, sample.encoding)
+        if channel in self._open:
+            return
         kind = "run"
         if address.topic.role is keys.Role.STATUS:
             kind = "status"
@@ -109,10 +113,10 @@ class Screen:
             kind = "member" if Life(stream.process, stream.boot) in self._lives else "stranger"
         if len(sample.encoding) > MAX_ENCODING_CHARS or not sample.encoding.isascii():
             raise WireError("no encoding", got=sample.encoding[:MAX_ENCODING_CHARS])
-        channels, channel = self._channels[kind], (sample.key, sample.encoding)
-        if channel not in channels and len(channels) >= MAX_CHANNELS[kind]:
+        if self._channels[kind] >= MAX_CHANNELS[kind]:
             raise WireError(f"more than {MAX_CHANNELS[kind]} keys and encodings of one kind")
-        channels.add(channel)
+        self._channels[kind] += 1
+        self._open.add(channel)
 
 
 def stream_key(address: keys.Address, message: Struct) -> StreamKey:

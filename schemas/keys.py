@@ -156,6 +156,7 @@ def require_id(text: str) -> str:
 
 
 @lru_cache(4096)  # a process hears thousands of messages a second under a few dozen keys
+@lru_cache(maxsize=4096)  # a run has some dozens; others' may be anything
 def parse(key: str) -> Address:
     """Understand a key from the wire, trusting nothing in it.
 

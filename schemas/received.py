@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 from msgspec import Struct
@@ -22,36 +23,46 @@ class Received(NamedTuple):
 def receive(sample: Sample) -> Received:
     """Understand a sample, trusting nothing in it.
 
-    Raises:
-        WireError: no key of ours, not decodable, a reserved name, or key and envelope disagree.
-    """
-    address = keys.parse(sample.key)
-    return Received(address, receive_at(address, sample))
-
-
-def receive_at(address: keys.Address, sample: Sample) -> Struct:
-    """The message of a sample whose key is understood already.
-
     An access rule acts on keys: it is worth nothing if the envelope may speak for somebody else.
 
     Raises:
-        WireError: as `receive`.
+        WireError: no key of ours, not decodable, a reserved name, or key and envelope disagree.
     """
-    if address.topic.role is keys.Role.INPUT:
-        _require_free_names(address)
-    message = codec.decode(address.topic.message, sample.payload, sample.encoding)
-    meant = dict(address.ids)
-    if isinstance(message, Input):
-        meant["stream"] = keys.stream(address)
-    said = {name: getattr(message, name, id_) for name, id_ in meant.items()}
-    if said != meant:
+    place = _place(sample.key)
+    message = codec.decode(place.address.topic.message, sample.payload, sample.encoding)
+    said = place.said(message)
+    if said != place.meant:
         raise WireError(
             "key and envelope disagree",
             where=sample.key,
-            got="/".join(said.values()),
-            expected="/".join(meant.values()),
+            got="/".join(said),
+            expected="/".join(place.meant),
         )
-    return message
+    return Received(place.address, message)
+
+
+class _Place(NamedTuple):
+    """A key, and what the envelope of a message on it has to say."""
+
+    address: keys.Address
+    fields: tuple[str, ...]
+    meant: tuple[str, ...]
+
+    def said(self, message: Struct) -> tuple[str, ...]:
+        """What a message says in those fields; one it has not cannot disagree."""
+        pairs = zip(self.fields, self.meant, strict=True)
+        return tuple([getattr(message, field, id_) for field, id_ in pairs])
+
+
+@lru_cache(maxsize=4096)  # a run has some dozens of keys; strangers' may be anything
+def _place(key: str) -> _Place:
+    address = keys.parse(key)
+    if address.topic.role is keys.Role.INPUT:
+        _require_free_names(address)
+    meant = dict(address.ids)
+    if issubclass(address.topic.message, Input):
+        meant["stream"] = keys.stream(address)
+    return _Place(address, tuple(meant), tuple(meant.values()))
 
 
 def _require_free_names(address: keys.Address) -> None:

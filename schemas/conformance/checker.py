@@ -18,7 +18,7 @@ from ..messages import (
     SourceReport,
     Step,
 )
-from ..received import receive_at
+from ..received import receive
 from . import raw as reading
 from . import refusals
 from .findings import Finding, Notes
@@ -148,7 +148,7 @@ class Conformance:
 
     def _take_control(self, address: keys.Address, sample: Sample) -> None:
         try:
-            message = receive_at(address, sample)
+            message = receive(sample).message
         except WireError:
             return
         if isinstance(message, Step):
@@ -165,7 +165,7 @@ class Conformance:
         self._sent.add((carrier, _about(address)))
         self._note_encoding(carrier, source, address, sample)
         try:
-            message = receive_at(address, sample)
+            message = receive(sample).message
         except WireError as error:
             self._refused(address, sample, error, arrived_s, fetched)
             return

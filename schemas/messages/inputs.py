@@ -252,10 +252,11 @@ class SourceReport(Input, frozen=True, kw_only=True, omit_defaults=True):
 
     def __post_init__(self) -> None:
         lengths = {len(column) for column in _columns(self) if column is not None}
-        count = len(self) if lengths else 0
+        count = max(lengths, default=0)
         if count > MAX_LOGS:
             raise ValueError(f"got {count} logs, expected at most {MAX_LOGS}: send several reports")
         if len(lengths) > 1:
+            count = len(self)
             for name, column in zip(COLUMNS, _columns(self), strict=True):
                 _require_length(name, column, count)
         for name, feature in self.features.items():
