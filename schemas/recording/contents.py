@@ -34,6 +34,7 @@ class RunHeader(msgspec.Struct, frozen=True, kw_only=True):
         created_ns: wall clock, Unix nanoseconds.
         versions: of crossfix and of what it is built on.
         fingerprint: recordings of equal fingerprints re-fuse to equal bytes.
+        made_from: of a recording made of others: by which verb, of what, and what was changed.
         format: of the recording; protocol: of the wire.
     """
 
@@ -43,6 +44,7 @@ class RunHeader(msgspec.Struct, frozen=True, kw_only=True):
     created_ns: int = 0
     versions: dict[str, str] = {}
     fingerprint: Fingerprint = Fingerprint()
+    made_from: dict[str, str] = {}
     format: int = FORMAT
     protocol: str = VERSION
 
@@ -56,6 +58,8 @@ class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
         gaps: messages that never arrived and could not be fetched again.
         rejected: messages refused for what they held.
         rejections: the same by source, as carrier/stream -> count and last reason.
+        torn: the recorder never got to its end, which others have written; the last messages
+            may lack what they name.
     """
 
     reason: str
@@ -65,6 +69,7 @@ class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
     gaps: int = 0
     rejected: int = 0
     rejections: dict[str, str] = {}
+    torn: bool = False
 
 
 class Attachment(NamedTuple):
