@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import tempfile
 from pathlib import Path
-from typing import IO
+from typing import IO, Literal
 
 from mcap.opcode import Opcode
 
 RESERVE_BYTES = 4 * 1024 * 1024
+Fsync = Literal["none", "flush", "end"]
+"""When to wait until the disk has what the operating system was given."""
 
 
 class RecordFile:
@@ -25,10 +27,10 @@ class RecordFile:
         error: the first error the disk gave, if the reserve has saved the day since.
     """
 
-    def __init__(self, path: Path, *, fsync: bool, reserve_bytes: int) -> None:
+    def __init__(self, path: Path, *, fsync: Fsync, reserve_bytes: int) -> None:
         self.offset = self.chunks = 0
         self.error: OSError | None = None
-        self._fsync = fsync
+        self._path, self._fsync = path, fsync
         self._reserve: IO[bytes] | None = None
         self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         try:
@@ -61,8 +63,22 @@ class RecordFile:
 
     def flush(self) -> None:
         """Everything is with the operating system already; with `fsync` also on the disk."""
-        if self._fsync:
+        if self._fsync == "flush":
             os.fsync(self._fd)
+
+    def finish(self) -> None:
+        """Wait, unless nobody wants to, until the disk has the file and its name.
+
+        Raises:
+            OSError: it does not take them.
+        """
+        if self._fsync != "none":
+            os.fsync(self._fd)
+            folder = os.open(self._path.parent, os.O_RDONLY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
 
     def cut(self, offset: int) -> None:
         """Let the file end at `offset`."""

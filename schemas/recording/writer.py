@@ -10,11 +10,12 @@ from typing import Any, NamedTuple, NoReturn, TypeVar
 import msgspec
 from mcap.data_stream import RecordBuilder
 from mcap.records import DataEnd, Footer, Metadata
-from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+from mcap.writer import MCAP0_MAGIC
 
 from .. import codec, keys, messages
 from ..errors import RecordingError, WireError
 from ..json_schema import exported
+from .builder import McapBuilder
 from .contents import (
     END,
     PROFILE,
@@ -26,11 +27,10 @@ from .contents import (
     schemas_attachment,
     to_metadata,
 )
-from .record_file import RESERVE_BYTES, RecordFile
+from .record_file import RESERVE_BYTES, Fsync, RecordFile
 
 __all__ = ["Counts", "RecordingWriter", "RunEnd", "RunHeader"]
 
-CHUNK_BYTES = 256 * 1024
 MAX_CHANNELS = 4096
 MAX_ENCODING_CHARS = 256
 _UINT32, _UINT64 = 2**32 - 1, 2**64 - 1
@@ -55,14 +55,15 @@ class RecordingWriter:
     """One recording, for one thread.
 
     Messages go to the disk in chunks: when one is full, and when `tick` finds the last flush older
-    than `max_loss_s`. Everything is checked before it reaches the library, in which a failed call
-    spoils what follows. At the first error of the disk the file is sealed, RecordingError is
-    raised once, and from then on messages are only counted as dropped.
+    than `max_loss_s`. At the first error of the disk the file is sealed, RecordingError is raised
+    once, and from then on messages are only counted as dropped.
 
     Args:
         path: must not exist.
         attachments: besides the schemas of the wire.
-        max_loss_s: what a killed process may cost; lost power as well with `fsync`.
+        max_loss_s: what a killed process may cost.
+        fsync: when to wait for the disk: at every flush, so that lost power costs no more than a
+            killed process; at the end; or never.
         reserve_bytes: disk space held back for sealing the file on a full disk.
 
     Raises:
@@ -76,7 +77,7 @@ class RecordingWriter:
         *,
         attachments: Iterable[Attachment] = (),
         max_loss_s: float = 0.25,
-        fsync: bool = False,
+        fsync: Fsync = "none",
         reserve_bytes: int = RESERVE_BYTES,
     ) -> None:
         self.path = Path(path)
@@ -97,7 +98,6 @@ class RecordingWriter:
             raise RecordingError(
                 "cannot record", where=str(self.path), got=error.strerror
             ) from error
-        self._mcap = _library_writer(self._file)
         self._call(self._begin, header, attachments)
 
     @property
@@ -134,12 +134,7 @@ class RecordingWriter:
             self._received += 1
             self._dropped += 1
             return
-        try:
-            channel = self._channels.get((key, encoding)) or self._register(key, encoding)
-        except RecordingError:
-            self._received += 1
-            self._dropped += 1
-            raise
+        channel = self._channels.get((key, encoding)) or self._register(key, encoding)
         self._received += 1
         self._recorded += 1
         self._pending += 1
@@ -181,7 +176,8 @@ class RecordingWriter:
         if self.error is None and not self._sealed:
             self.flush()
             self._call(self._seal, end)
-            self._call(self._file.close)
+            self._call(self._file.finish)
+            self._file.close()
 
     def __enter__(self) -> RecordingWriter:
         return self
@@ -195,12 +191,11 @@ class RecordingWriter:
         self.close(self._end("closed" if kind is None else f"{kind.__name__}: {error}"))
 
     def _begin(self, header: RunHeader, attachments: Iterable[Attachment]) -> None:
-        self._mcap.start(profile=PROFILE)
+        self._mcap = McapBuilder(self._file, PROFILE)
         self._mcap.add_metadata(RUN, to_metadata(header))
-        made_ns = header.created_ns
         for file in (*attachments, schemas_attachment()):
-            self._mcap.add_attachment(made_ns, made_ns, file.name, file.media_type, file.data)
-        self._mcap.flush()  # type: ignore[no-untyped-call]
+            self._mcap.add_attachment(header.created_ns, file.name, file.media_type, file.data)
+        self._mcap.flush()
 
     def _register(self, key: str, encoding: str) -> int:
         topic = keys.parse(key).topic
@@ -217,17 +212,13 @@ class RecordingWriter:
     ) -> int:
         name = f"crossfix.{message.__name__}"
         if name not in self._schemas:
-            self._schemas[name] = self._call(
-                self._mcap.register_schema, name, "jsonschema", exported(message)
-            )
-        self._channels[key, encoding] = self._call(
-            self._mcap.register_channel,
-            key,
-            "json" if "json" in encoding else "msgpack",
-            self._schemas[name],
-            metadata | {"encoding": encoding},
+            self._schemas[name] = self._mcap.add_schema(name, "jsonschema", exported(message))
+        form = "json" if "json" in encoding else "msgpack"
+        channel = self._mcap.add_channel(
+            key, form, self._schemas[name], metadata | {"encoding": encoding}
         )
-        return self._channels[key, encoding]
+        self._channels[key, encoding] = channel
+        return channel
 
     def _add(
         self, channel: int, log_time_ns: int, payload: bytes, publish_time_ns: int, sequence: int
@@ -238,9 +229,9 @@ class RecordingWriter:
             self._mcap.add_message,
             channel,
             self._clock_ns,
-            payload,
             publish_time_ns,
             sequence & _UINT32,
+            payload,
         )
 
     def _call(self, action: Callable[..., T], *arguments: Any) -> T:
@@ -276,7 +267,7 @@ class RecordingWriter:
 
     def _finished(self, reason: str) -> bool:
         try:
-            self._mcap.flush()  # type: ignore[no-untyped-call]
+            self._mcap.flush()
             self._settle()
             self._seal(self._end(reason))
         except OSError:
@@ -292,7 +283,7 @@ class RecordingWriter:
     def _seal(self, end: RunEnd) -> None:
         self._before_end = self._file.offset
         self._mcap.add_metadata(END, to_metadata(end))
-        self._mcap.finish()  # type: ignore[no-untyped-call]
+        self._mcap.finish()
         self._sealed = True
 
     def _seal_without_index(self, reason: str) -> None:
@@ -317,12 +308,3 @@ class RecordingWriter:
             gaps=self._gaps,
         )
 
-
-def _library_writer(file: RecordFile) -> Writer:
-    return Writer(
-        file,  # type: ignore[arg-type]  # it needs no more than write, tell and flush
-        chunk_size=CHUNK_BYTES,
-        compression=CompressionType.ZSTD,
-        enable_crcs=True,
-        enable_data_crcs=True,
-    )
