@@ -1,0 +1,45 @@
+"""Tracking: filters in banks, tracks of one source in its own frame."""
+
+from estimation.tracking.bank import (
+    EMPTY,
+    Bank,
+    Innovations,
+    begun,
+    carried,
+    improved,
+    innovations,
+)
+from estimation.tracking.source_tracks import (
+    SUREST,
+    Matches,
+    Scan,
+    Sensing,
+    assigned,
+    expected,
+    log_ratio,
+    matched,
+    missed,
+    seen,
+    survived,
+)
+
+__all__ = [
+    "EMPTY",
+    "SUREST",
+    "Bank",
+    "Innovations",
+    "Matches",
+    "Scan",
+    "Sensing",
+    "assigned",
+    "begun",
+    "carried",
+    "expected",
+    "improved",
+    "innovations",
+    "log_ratio",
+    "matched",
+    "missed",
+    "seen",
+    "survived",
+]
