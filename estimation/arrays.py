@@ -7,9 +7,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Array", "ArrayLike", "broadcast", "transposed"]
+__all__ = ["Array", "ArrayLike", "Indices", "broadcast", "transposed"]
 
 Array: TypeAlias = NDArray[np.float64]
+Indices: TypeAlias = NDArray[np.intp]
 
 
 def broadcast(*values: ArrayLike) -> tuple[Array, ...]:
