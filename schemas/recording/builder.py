@@ -89,7 +89,6 @@ class McapBuilder:
         self._compress = zstandard.ZstdCompressor().compress
         self._chunk = bytearray()
         self._index: dict[int, array[int]] = {}
-        self._least_ns, self._most_ns = 2**64 - 1, 0
         self._append(MCAP0_MAGIC + _bytes_of(Header(profile, LIBRARY_IDENTIFIER)))
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
@@ -151,10 +150,6 @@ class McapBuilder:
             5, _MESSAGE_BYTES + len(payload), channel, sequence, log_time_ns, publish_time_ns
         )
         chunk += payload
-        if log_time_ns < self._least_ns:
-            self._least_ns = log_time_ns
-        if log_time_ns > self._most_ns:
-            self._most_ns = log_time_ns
         if len(chunk) > CHUNK_BYTES:
             self._finish_chunk()
 
@@ -220,14 +215,14 @@ class McapBuilder:
         if not self._index:
             return
         records, index = bytes(self._chunk), self._index
-        least_ns, most_ns = self._least_ns, self._most_ns
+        least_ns = min(min(entries[::2]) for entries in index.values())
+        most_ns = max(max(entries[::2]) for entries in index.values())
         compressed = self._compress(records)
         place = self._sink.tell()
         chunk = _chunk(records, compressed, least_ns, most_ns)
         offsets, indexes = _message_indexes(index, place + len(chunk))
         self._append(chunk + indexes)
         self._chunk, self._index = bytearray(), {}
-        self._least_ns, self._most_ns = 2**64 - 1, 0
         for channel, entries in index.items():
             self._counts[channel] = self._counts.get(channel, 0) + len(entries) // 2
         self._start_ns, self._end_ns = min(self._start_ns, least_ns), max(self._end_ns, most_ns)

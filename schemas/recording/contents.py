@@ -21,6 +21,7 @@ FORMAT = 1
 PROFILE = "crossfix"
 RUN, END, STATISTICS = "crossfix.run", "crossfix.end", "crossfix.stats"
 SCENARIO, TRUTH, CONFIG, SCHEMAS = "scenario.json", "truth.json", "config.json", "schemas.json"
+NEXT_PART = "goes on in the next part"
 _CHECKSUM = "crc32"
 T = TypeVar("T", "RunHeader", "RunEnd")
 
@@ -36,6 +37,7 @@ class RunHeader(msgspec.Struct, frozen=True, kw_only=True):
         fingerprint: recordings of equal fingerprints re-fuse to equal bytes.
         made_from: of a recording made of others: by which verb, of what, and what was changed.
         format: of the recording; protocol: of the wire.
+        part: counts from 1 where a recording is split into several files; 0 = it is one file.
     """
 
     run: str
@@ -47,19 +49,21 @@ class RunHeader(msgspec.Struct, frozen=True, kw_only=True):
     made_from: dict[str, str] = {}
     format: int = FORMAT
     protocol: str = VERSION
+    part: int = 0
 
 
 class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
     """How a recording ended (metadata `crossfix.end`).
 
     Attributes:
-        reason: finished, interrupted, or what went wrong.
+        reason: finished, interrupted, or what went wrong; `NEXT_PART` if there is one more part.
         received: samples offered; recorded: messages in the file; dropped: lost by the recorder.
         gaps: messages that never arrived and could not be fetched again.
         rejected: messages refused for what they held.
         rejections: the same by source, as carrier/stream -> count and last reason.
         torn: the recorder never got to its end, which others have written; the last messages
             may lack what they name.
+        repeated: latched messages of earlier parts that this part begins with; not in `recorded`.
     """
 
     reason: str
@@ -70,6 +74,7 @@ class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
     rejected: int = 0
     rejections: dict[str, str] = {}
     torn: bool = False
+    repeated: int = 0
 
 
 class Attachment(NamedTuple):

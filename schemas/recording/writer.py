@@ -167,6 +167,30 @@ class RecordingWriter:
         if self._dirty and self.error is None and not self._sealed:
             self._call(self._mcap.flush)
 
+    def repeat(
+        self,
+        key: str,
+        payload: bytes,
+        encoding: str,
+        *,
+        log_time_ns: int,
+        publish_time_ns: int,
+        sequence: int,
+    ) -> None:
+        """Record once more what an earlier part holds already; it is counted nowhere."""
+        if self.error is None:
+            channel = self._channels.get((key, encoding)) or self._register(key, encoding)
+            self._add(channel, log_time_ns, payload, publish_time_ns, sequence)
+
+    def give_up(self, error: OSError) -> None:
+        """Seal what is there and take no more, as after an error of the disk.
+
+        Raises:
+            RecordingError: always, once.
+        """
+        if self.error is None and not self._sealed:
+            self._stop(error, whole=True)
+
     def close(self, end: RunEnd) -> None:
         """Seal the file with its index; nothing happens if it is sealed already.
 
@@ -307,4 +331,3 @@ class RecordingWriter:
             dropped=self._dropped,
             gaps=self._gaps,
         )
-
