@@ -166,6 +166,8 @@ class PartedWriter:
         Raises:
             RecordingError: once, when the disk fails or has less room than is to be left.
         """
+        if self.error is not None:
+            return
         with self._watched():
             self._writer.tick(now_s)
             if self._limits.min_free_bytes and now_s - self._looked_s >= self._safety.max_loss_s:
