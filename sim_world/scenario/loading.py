@@ -81,8 +81,9 @@ def load_scenario(
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else "not a text file"
         raise ScenarioError(
-            "cannot be read", where=str(path), got=str(error), expected="a scenario file"
+            "cannot be read", where=str(path), got=why, expected="a scenario file"
         ) from None
     extra = data or os.environ.get(DATA_VARIABLE)
     folders = (path.parent, Path(extra)) if extra else (path.parent,)
