@@ -27,6 +27,7 @@ MAX_RECORD_BYTES = 1024**3
 HEAD = Struct("<BQ")
 """Opcode and length of a record."""
 _MESSAGE = Struct("<HIQQ")
+EXPECTED = "a recording, such as `crossfix run` leaves in recordings/"
 _CHUNK_FIXED_BYTES = 40
 T = TypeVar("T")
 
@@ -73,7 +74,9 @@ class Source:
             self._file = path.open("rb", buffering=0)
             self.size = os.fstat(self._file.fileno()).st_size
         except OSError as error:
-            raise RecordingError("cannot read", where=self.name, got=error.strerror) from error
+            raise RecordingError(
+                "cannot read", where=self.name, got=error.strerror, expected=EXPECTED
+            ) from error
         try:
             self._require_mcap()
         except RecordingError:
@@ -104,13 +107,13 @@ class Source:
 
     def _require_mcap(self) -> None:
         if self.size == 0:
-            raise RecordingError("empty file", where=self.name)
+            raise RecordingError("empty file", where=self.name, expected=EXPECTED)
         magic = self.read(0, min(self.size, len(MCAP0_MAGIC)))
         if magic == MCAP0_MAGIC:
             return
         if magic[:5] == MCAP0_MAGIC[:5] and len(magic) == len(MCAP0_MAGIC):
             raise RecordingError("another version of MCAP", where=self.name, got=magic[5:6])
-        raise RecordingError("not an MCAP file", where=self.name, got=magic)
+        raise RecordingError("not an MCAP file", where=self.name, got=magic, expected=EXPECTED)
 
 
 def frames(source: Source, offset: int) -> Iterator[Frame]:
