@@ -29,6 +29,14 @@ from estimation.relative_frame.closed_form import (
 )
 from estimation.relative_frame.consider import Positions, corrected, fused, positions
 from estimation.relative_frame.information import OwnAxesInformation
+from estimation.relative_frame.joint import (
+    Elapsed,
+    JointFrames,
+    JointUpdate,
+    carried_on,
+    improved_by,
+    own_alone,
+)
 from estimation.relative_frame.logs import (
     OwnAxesFrame,
     PolarLogs,
@@ -82,8 +90,11 @@ __all__ = [
     "Diagnosis",
     "Direction",
     "Drift",
+    "Elapsed",
     "Increment",
     "Information",
+    "JointFrames",
+    "JointUpdate",
     "Method",
     "Motion",
     "MotionModel",
@@ -111,6 +122,7 @@ __all__ = [
     "adjustment_with_sensor_errors",
     "advanced",
     "as_plots",
+    "carried_on",
     "closed_form",
     "closed_form_dense",
     "corrected",
@@ -119,12 +131,14 @@ __all__ = [
     "directions",
     "equivalent_measurement",
     "fused",
+    "improved_by",
     "in_own_axes",
     "information",
     "linearised_once",
     "memory_s",
     "motion_to",
     "network_adjustment",
+    "own_alone",
     "plots_of_tracks",
     "positions",
     "predicted",
