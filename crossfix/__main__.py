@@ -21,6 +21,8 @@ VERBS = (
     "hub",
     "info",
     "verify",
+    "refuse",
+    "diff",
     "replay",
     "peek",
     "bridge",
