@@ -40,7 +40,8 @@ def diff(
     ```
 
     Args:
-        before: a recording; after: another.
+        before: a recording.
+        after: another.
         tolerance: floats count as equal that differ by no more than this, of the larger one where
             that is above 1; 1e-9 is what recordings of other machines are held to.
         ignore: a field that is not compared, such as `boot` between two runs; may be repeated.
