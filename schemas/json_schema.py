@@ -26,7 +26,8 @@ VERSION = PREFIX.rpartition("@")[2]
 DIRECTORY = Path(__file__).parent / "json"
 MESSAGES: tuple[Message, ...] = tuple(
     sorted(
-        {t.message for t in TOPICS} | {m.Answer, m.BackfillReply, m.Statistics},
+        {t.message for t in TOPICS}
+        | {m.Answer, m.BackfillReply, m.PlayerStatus, m.RecorderStatus, m.Statistics},
         key=lambda message: message.__name__,
     )
 )

@@ -122,6 +122,10 @@ COMMAND = Topic(
 PLAYER = Topic(
     "player", "player/{player}", m.PlayerCommand, Role.CONTROL, "query", CONTROL, recorded=False
 )
+RECORDING = Topic(
+    "recorder", "recorder/{recorder}", m.RecorderCommand, Role.CONTROL, "query", CONTROL,
+    recorded=False,
+)  # fmt: skip
 BACKFILL = Topic(
     "backfill", "backfill/{process}", m.BackfillRequest, Role.CONTROL, "query", recorded=False
 )
@@ -129,7 +133,7 @@ BACKFILL = Topic(
 TOPICS: tuple[Topic, ...] = (
     SCENARIO, SOURCE, REPORT, NAVIGATION, RANGING, EVENT, CLOSED_WORLD, CLOSED_FUSION, STEP, ACK,
     STATE, TRUTH_SCENARIO, TRUTH_TARGETS, TRUTH_CARRIERS, CORRECTION, TRACK, ASSOCIATION,
-    ALIGNMENT, QUALITY, HEALTH, COMMAND, PLAYER, BACKFILL,
+    ALIGNMENT, QUALITY, HEALTH, COMMAND, PLAYER, RECORDING, BACKFILL,
 )  # fmt: skip
 """The whole wire."""
 
@@ -155,7 +159,6 @@ def require_id(text: str) -> str:
     return text
 
 
-@lru_cache(4096)  # a process hears thousands of messages a second under a few dozen keys
 @lru_cache(maxsize=4096)  # a run has some dozens; others' may be anything
 def parse(key: str) -> Address:
     """Understand a key from the wire, trusting nothing in it.

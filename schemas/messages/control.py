@@ -138,12 +138,49 @@ class Command(Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class PlayerCommand(Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """A query to a replay: pause, resume, step, seek (to `t_ns`), rate (to `rate`), status."""
+    """A query to a replay: pause, resume, step, seek (to `t_ns`), rate (to `rate`), status, stop.
+
+    Attributes:
+        t_ns: log time; messages from there on follow, after the latched values of that instant.
+        rate: multiple of the recorded pace; 0 = as fast as it goes.
+    """
 
     id: Text
-    kind: Literal["pause", "resume", "step", "seek", "rate", "status"]
+    kind: Literal["pause", "resume", "step", "seek", "rate", "status", "stop"]
     t_ns: TimeNs | None = None
-    rate: Annotated[float, Meta(gt=0, le=1e6)] | None = None
+    rate: Annotated[float, Meta(ge=0, le=1e6)] | None = None
+
+
+class PlayerStatus(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """The reply of a replay: whether the command was taken, and where it stands now.
+
+    Attributes:
+        t_ns: log time of the last message published; of the next one after a seek.
+        rate: 0 = as fast as it goes.
+        sent: messages published since the start.
+    """
+
+    id: Text
+    taken: bool
+    reason: Text = ""
+    state: Literal["waiting", "playing", "paused", "ended"] = "playing"
+    t_ns: TimeNs = 0
+    rate: float = 1.0
+    sent: Count = 0
+
+
+class RecorderCommand(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A query to a recorder: pause, resume, split, snapshot, status.
+
+    Attributes:
+        output: of a snapshot: name of the new file, in the folder of the recording.
+        last_s: of a snapshot: how much log time it holds.
+    """
+
+    id: Text
+    kind: Literal["pause", "resume", "split", "snapshot", "status"]
+    output: Text = ""
+    last_s: Annotated[float, Meta(gt=0, le=1e9)] | None = None
 
 
 class Answer(Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -227,8 +264,34 @@ class Health(Struct, frozen=True, kw_only=True, omit_defaults=True):
     load: Share = 0.0
 
 
+class KeyStatistics(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What became of the samples of one key since the recorder began.
+
+    received = recorded + rejected + repeated + passed_over + dropped.
+
+    Attributes:
+        recorded: messages in the file.
+        gaps: messages that were missed on the way and could not be fetched again.
+        dropped: lost by the recorder, in its queue or to an error of the disk.
+        repeated: of messages it had already; passed_over: while it was paused, or not wanted.
+    """
+
+    key: Text
+    received: Count = 0
+    recorded: Count = 0
+    gaps: Count = 0
+    dropped: Count = 0
+    rejected: Count = 0
+    repeated: Count = 0
+    passed_over: Count = 0
+
+
 class Statistics(Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """The recorder's counts at one moment (channel `crossfix.stats`)."""
+    """The recorder's counts at one moment (channel `crossfix.stats`).
+
+    Attributes:
+        keys: those whose counts have changed since the last statistics.
+    """
 
     t_ns: TimeNs
     received: Count
@@ -237,3 +300,20 @@ class Statistics(Struct, frozen=True, kw_only=True, omit_defaults=True):
     gaps: Count = 0
     bytes: Count = 0
     disk_errors: Count = 0
+    keys: list[KeyStatistics] = []
+
+
+class RecorderStatus(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """The reply of a recorder: whether the command was taken, and how it stands.
+
+    Attributes:
+        files: that hold the recording so far, by their names.
+        statistics: so far, of every key.
+    """
+
+    id: Text
+    taken: bool
+    reason: Text = ""
+    state: Literal["recording", "paused", "failed"] = "recording"
+    files: list[Text] = []
+    statistics: Statistics | None = None
