@@ -165,7 +165,7 @@ class PlayerStatus(Struct, frozen=True, kw_only=True, omit_defaults=True):
     reason: Text = ""
     state: Literal["waiting", "playing", "paused", "ended"] = "playing"
     t_ns: TimeNs = 0
-    rate: float = 1.0
+    rate: Annotated[float, Meta(ge=0, le=1e6)] = 1.0
     sent: Count = 0
 
 
