@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Struct
 
 from estimation.arrays import Array
-from estimation.frames import Site, geodetic_from_enu, on_surface, site_at, wrap_pi
+from estimation.frames import Site, geodetic_from_enu, on_surface, site_at
 from schemas import keys
 from schemas.messages import (
     FeatureColumn,
@@ -150,12 +150,11 @@ class Carrier:
         """Where it believes it is: the true place moved by the error it has gathered."""
         true = site_at(self._origin, now.stand.motion.position_m)
         latitude, longitude = _moved(true, self._voyage.position_error_m[now.step])
-        heading = self._voyage.heading_rad[now.step] - now.stand.north_error_rad
         return Pose(
             latitude_rad=latitude,
             longitude_rad=longitude,
             altitude_m=true.altitude_m,
-            heading_rad=float(wrap_pi(heading)),
+            heading_rad=float(self._voyage.compass_rad[now.step]),
             covariance=self._covariance[now.step][_UPPER].tolist(),
         )
 

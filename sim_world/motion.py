@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from estimation.arrays import Array, ArrayLike
 from estimation.frames import Site, on_surface, wrap_pi
 
-from .scenario.file import (
+from .scenario.motions import (
     ConstantAcceleration,
     ConstantVelocity,
     CoordinatedTurn,

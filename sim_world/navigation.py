@@ -7,7 +7,8 @@ position, plus the integral of believed less true velocity:
     e(t) = e(0) + integral of (s + ds) u(psi - n) - s u(psi) - c,    u(a) = (sin a, cos a)
 
 with s, psi speed and heading through the water, ds the error of the log, c the current and n the
-bearing of its own north, which wanders at random. Errors are in the carrier's local east-north.
+bearing of its own north, which wanders at random; log and compass are read anew at every step, with
+noise. Errors are in the carrier's local east-north.
 The carrier declares the covariance of (e, n) that its sigmas make of this, to first order in n.
 """
 
@@ -53,6 +54,7 @@ class Voyage(NamedTuple):
         position_error_m: reported less true position, local east and north (K, 2).
         way_m: what it has reckoned since step 0, local east and north (K, 2).
         log_mps: speed that its log shows (K,).
+        compass_rad: heading that its compass shows, clockwise from its own north (K,).
         fixed: whether the position comes of a fix at this very step (K,).
         fix_step: the step that reckoning started from, 0 or that of the last fix (K,).
     """
@@ -64,6 +66,7 @@ class Voyage(NamedTuple):
     position_error_m: Array
     way_m: Array
     log_mps: Array
+    compass_rad: Array
     fixed: np.ndarray
     fix_step: np.ndarray
 
@@ -79,8 +82,10 @@ def sail(file: ScenarioFile, carrier: Carrier, origin: Site, steps: int) -> Voya
     speed = np.hypot(*through_water.T)
     heading = np.where(speed < _STILL_MPS, course - convergence, np.arctan2(*through_water.T))
     north = error.north_rad + _wander(file, carrier, t)
-    log = speed + error.speed_mps
-    believed = _turned(through_water, -north) + error.speed_mps * _unit(heading - north)
+    read = _reading_noise(file, carrier, steps)
+    too_fast = error.speed_mps + read[:, 0]
+    compass = wrap_pi(heading - north + read[:, 1])
+    believed = _turned(through_water, read[:, 1] - north) + too_fast[:, None] * _unit(compass)
     fixed, fix_step = _fixes(carrier.navigation.fix, t)
     drifted = error.position_m + _integral(believed - over_ground, file.time.step_s)
     return Voyage(
@@ -90,7 +95,8 @@ def sail(file: ScenarioFile, carrier: Carrier, origin: Site, steps: int) -> Voya
         clock_offset_s=clock_offset_s(t, error.clock_s, error.clock_drift_ppm),
         position_error_m=_refixed(file, carrier, drifted, fixed, fix_step),
         way_m=_integral(believed, file.time.step_s),
-        log_mps=log,
+        log_mps=speed + too_fast,
+        compass_rad=compass,
         fixed=fixed,
         fix_step=fix_step,
     )
@@ -131,7 +137,7 @@ def declared_covariances(prior: NavigationPrior, voyage: Voyage, step_s: float) 
     north_at_fix = radians(prior.sigma_north_deg) ** 2 + wander * fix * step_s
     lever = np.column_stack([-voyage.way_m[:, 1], voyage.way_m[:, 0]])  # d e / d n
     by_north = lever - lever[fix]
-    by_speed = _integral(_unit(voyage.heading_rad - voyage.north_error_rad), step_s)
+    by_speed = _integral(_unit(voyage.compass_rad), step_s)
     by_speed -= by_speed[fix]
     walk, walk_squared = _random_walk(lever, fix, step_s)
     covariance = np.zeros((len(fix), 3, 3))
@@ -140,11 +146,27 @@ def declared_covariances(prior: NavigationPrior, voyage: Voyage, step_s: float) 
         + north_at_fix[:, None, None] * _outer(by_north, by_north)
         + prior.sigma_speed_mps**2 * _outer(by_speed, by_speed)
         + wander * walk_squared
+        + _of_readings(prior, voyage, step_s)
     )
     covariance[:, :2, 2] = north_at_fix[:, None] * by_north + wander * walk
     covariance[:, 2, :2] = covariance[:, :2, 2]
     covariance[:, 2, 2] = north_at_fix + wander * since_s
     covariance += np.diag(np.square(_LEAST_SIGMAS))
+    return covariance
+
+
+def _of_readings(prior: NavigationPrior, voyage: Voyage, step_s: float) -> Array:
+    """Covariances (K, 2, 2) that the noise of log and compass since the fix gives the position.
+
+    A reading counts for half a step on either side: at both ends of the way only one half counts.
+    """
+    along, read = _unit(voyage.compass_rad), radians(prior.sigma_compass_noise_deg)
+    across = voyage.log_mps[:, None] * np.column_stack([along[:, 1], -along[:, 0]])
+    of_one = prior.sigma_log_noise_mps**2 * _outer(along, along) + read**2 * _outer(across, across)
+    first, total = of_one[voyage.fix_step], np.cumsum(of_one, axis=0)
+    since = total - total[voyage.fix_step] + first - 0.75 * (first + of_one)
+    since[voyage.fix_step == np.arange(len(since))] = 0.0
+    covariance: Array = step_s**2 * since
     return covariance
 
 
@@ -197,6 +219,17 @@ def _wander(file: ScenarioFile, carrier: Carrier, t: Array) -> Array:
     rng = generator(file.seed, "carrier", carrier.name, "north")
     steps = rng.standard_normal(len(t) - 1) * sigma * np.sqrt(file.time.step_s / _HOUR_S)
     return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _reading_noise(file: ScenarioFile, carrier: Carrier, steps: int) -> Array:
+    """What log [m/s] and compass [rad] show too much at every step (K, 2)."""
+    prior = carrier.navigation
+    sigmas = np.array([prior.sigma_log_noise_mps, radians(prior.sigma_compass_noise_deg)])
+    if not file.errors.enabled or not sigmas.any():
+        return np.zeros((steps + 1, 2))
+    rng = generator(file.seed, "carrier", carrier.name, "readings")
+    noise: Array = rng.standard_normal((steps + 1, 2)) * sigmas
+    return noise
 
 
 def _fixes(fix: Fix | None, t: Array) -> tuple[np.ndarray, np.ndarray]:

@@ -15,16 +15,8 @@ from .motion import Path, path_of
 from .noise import generator, stable_hash
 from .scenario import Scenario
 from .scenario.checks import feature_names
-from .scenario.file import (
-    ConstantVelocity,
-    CoordinatedTurn,
-    ScenarioFile,
-    Target,
-    TargetGroup,
-    Track,
-    TrackFile,
-    Tracks,
-)
+from .scenario.file import ScenarioFile, Target, TargetGroup, Tracks
+from .scenario.motions import ConstantVelocity, CoordinatedTurn, Track, TrackFile
 from .tracks_csv import Recording, Report, read_reports, recordings
 
 Recorded = tuple[Recording, TrackFile]

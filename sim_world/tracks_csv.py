@@ -20,7 +20,7 @@ from estimation.frames import Site, enu_from_geodetic, on_surface
 from schemas.errors import ScenarioError
 
 from .motion import Kinematics, curved
-from .scenario.file import Columns, TrackFile
+from .scenario.motions import Columns, TrackFile
 
 KNOT_MPS = 1852 / 3600
 CONTRADICTION_MPS = 5.0

@@ -11,18 +11,8 @@ from schemas.errors import ScenarioError
 from schemas.keys import RESERVED_PROCESSES, RESERVED_STREAMS
 
 from .declared import CLASS_FEATURE
-from .file import (
-    EARLIEST,
-    AnyMotion,
-    Carrier,
-    ConstantAcceleration,
-    CoordinatedTurn,
-    ScenarioFile,
-    Sensor,
-    TargetGroup,
-    TrackFile,
-    Waypoints,
-)
+from .file import EARLIEST, Carrier, ScenarioFile, Sensor, TargetGroup
+from .motions import AnyMotion, ConstantAcceleration, CoordinatedTurn, TrackFile, Waypoints
 from .validation import key_of, nearest
 
 Path = tuple[str | int, ...]

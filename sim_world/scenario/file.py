@@ -1,11 +1,10 @@
 """What a scenario file may hold, key by key: the one place where degrees are spoken.
 
-Declared (anyone may fetch it): name, title, time, origin, fusion; of a carrier `name`, `navigation`
-and `sensors`. Truth (never for the fusion centre): seed, every `motion` and `errors` table,
-classes, targets, target_groups and tracks.
+Declared (anyone may fetch it): name, title, time, origin, fusion; of a carrier `name`,
+`navigation`, `sensors` and `ranging`; of a beacon where it is said to be. Truth (never for the
+fusion centre): seed, every `motion` and `errors` table, classes, targets, target_groups, tracks.
 
-Places are east and north [m] of the origin; courses and bearings clockwise from north. A motion
-starts where its target does: at `start_s`.
+Places are east and north [m] of the origin; courses and bearings clockwise from north.
 """
 
 from __future__ import annotations
@@ -14,125 +13,16 @@ from datetime import UTC, datetime
 from math import inf
 from typing import Annotated, Any, Literal
 
-from msgspec import Meta, Struct, field
+from msgspec import Meta, field
 
 from schemas.messages.values import Id, Metres, Real, Share, Text
 
-Degrees = Annotated[float, Meta(ge=-360, le=360)]
-NonNegative = Annotated[float, Meta(ge=0, le=1e9)]
-Positive = Annotated[float, Meta(gt=0, le=1e9)]
-Speed = Annotated[float, Meta(ge=0, le=3e4)]
-Point = tuple[Metres, Metres]
-Interval = tuple[Real, Real]
-Instant = Annotated[datetime, Meta(tz=True)]
+from .motions import AnyMotion, Instant, PathMotion, TrackFile
+from .ranging import Beacon, Ranging
+from .table import Degrees, Interval, NonNegative, Positive, Table
+
 EPOCH = datetime(2026, 1, 1, tzinfo=UTC)
 EARLIEST = datetime(1970, 1, 1, tzinfo=UTC)
-
-
-class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A table of a scenario file; a key it does not know is an error, not ignored."""
-
-
-class Motion(Table, frozen=True, kw_only=True, tag_field="kind"):
-    """How something moves; `kind` chooses among the motions below."""
-
-    altitude_m: Annotated[float, Meta(ge=-500, le=1e5)] = 0.0
-
-
-class ConstantVelocity(Motion, frozen=True, kw_only=True, tag="constant_velocity"):
-    """Straight on; speed 0 stands still, its bow along `course_deg`."""
-
-    east_m: Metres
-    north_m: Metres
-    course_deg: Degrees = 0.0
-    speed_mps: Speed = 0.0
-
-
-class ConstantAcceleration(Motion, frozen=True, kw_only=True, tag="constant_acceleration"):
-    """Straight on, faster or slower, until `speed_limit_mps` (default when slowing down: 0)."""
-
-    east_m: Metres
-    north_m: Metres
-    course_deg: Degrees
-    speed_mps: Speed
-    acceleration_mps2: Annotated[float, Meta(ge=-1e3, le=1e3)]
-    speed_limit_mps: Speed | None = None
-
-
-class CoordinatedTurn(Motion, frozen=True, kw_only=True, tag="coordinated_turn"):
-    """A circle, clockwise where the rate is positive; straight before and after the turn.
-
-    Attributes:
-        from_s, until_s: of the turn, counted from the start of the motion.
-    """
-
-    east_m: Metres
-    north_m: Metres
-    course_deg: Degrees
-    speed_mps: Speed
-    turn_rate_deg_s: Annotated[float, Meta(ge=-90, le=90)]
-    from_s: NonNegative = 0.0
-    until_s: Positive = inf
-
-
-class Waypoints(Motion, frozen=True, kw_only=True, tag="waypoints"):
-    """Along a line of points at constant speed, corners rounded; on past the last one.
-
-    Attributes:
-        turn_radius_m: of the corners; smaller where the legs are too short for it.
-        closed: the last point leads back to the first, round and round.
-        start_along_m: how far along the line it is at the start.
-    """
-
-    points_m: Annotated[list[Point], Meta(min_length=2)]
-    speed_mps: Annotated[float, Meta(gt=0, le=3e4)]
-    turn_radius_m: Positive = 200.0
-    closed: bool = False
-    start_along_m: NonNegative = 0.0
-
-
-class Columns(Table, frozen=True, kw_only=True):
-    """Which column of a CSV file holds what; times are ISO 8601 (UTC) or Unix seconds."""
-
-    time: str
-    id: str
-    latitude_deg: str
-    longitude_deg: str
-    altitude_m: str = ""
-    speed_mps: str = ""
-    speed_knots: str = ""
-    course_deg: str = ""
-
-
-class TrackFile(Table, frozen=True, kw_only=True):
-    """A file of recorded tracks and how to read it.
-
-    Attributes:
-        file: CSV, also gzipped; sought beside the scenario, then in the data folder.
-        start: time in the file that is second 0 of the scenario.
-        resample: cubic (Hermite, through reported velocities where there are any) or linear.
-        min_interval_s: closer reports are thinned, their time stamps jitter.
-        max_gap_s: in a longer silence there is no target.
-        altitude_m: where no column says it.
-    """
-
-    file: Annotated[str, Meta(min_length=1)]
-    columns: Columns
-    start: Instant
-    resample: Literal["cubic", "linear"] = "cubic"
-    min_interval_s: NonNegative = 10.0
-    max_gap_s: Positive = 300.0
-    altitude_m: Annotated[float, Meta(ge=-500, le=1e5)] = 0.0
-
-
-class Track(TrackFile, frozen=True, kw_only=True, tag_field="kind", tag="track"):
-    """The recorded track with this `id`; the target exists only while it was reported."""
-
-    id: str | int
-
-
-PathMotion = ConstantVelocity | ConstantAcceleration | CoordinatedTurn | Waypoints
-AnyMotion = ConstantVelocity | ConstantAcceleration | CoordinatedTurn | Waypoints | Track
 
 
 class Time(Table, frozen=True, kw_only=True):
@@ -179,6 +69,8 @@ class NavigationPrior(Table, frozen=True, kw_only=True):
             `sigma_north_drift_deg_per_sqrt_h` in an hour.
         sigma_speed_mps: of the speed through the water, constant over a run.
         sigma_current_mps: of the unknown current, per axis, constant over a run.
+        sigma_log_noise_mps, sigma_compass_noise_deg: of what log and compass show, anew at every
+            step.
         sigma_clock_s: of its clock at the start, which then gains `sigma_clock_drift_ppm`.
     """
 
@@ -187,6 +79,8 @@ class NavigationPrior(Table, frozen=True, kw_only=True):
     sigma_north_drift_deg_per_sqrt_h: Annotated[float, Meta(ge=0, le=180)] = 0.0
     sigma_speed_mps: NonNegative = 0.0
     sigma_current_mps: NonNegative = 0.0
+    sigma_log_noise_mps: NonNegative = 0.0
+    sigma_compass_noise_deg: Annotated[float, Meta(ge=0, le=180)] = 0.0
     sigma_clock_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
     sigma_clock_drift_ppm: NonNegative = 0.0
     fix: Fix | None = None
@@ -292,6 +186,7 @@ class Carrier(Table, frozen=True, kw_only=True):
     navigation: NavigationPrior = NavigationPrior()
     errors: FrameErrors = FrameErrors()
     sensors: list[Sensor] = []
+    ranging: list[Ranging] = []
 
 
 class TargetClass(Table, frozen=True, kw_only=True):
@@ -371,6 +266,7 @@ class ScenarioFile(Table, frozen=True, kw_only=True):
     fusion: dict[str, Any] = {}
     errors: Errors = Errors()
     carriers: Annotated[list[Carrier], Meta(min_length=1)]
+    beacons: list[Beacon] = []
     classes: list[TargetClass] = []
     targets: list[Target] = []
     target_groups: list[TargetGroup] = []

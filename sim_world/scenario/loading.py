@@ -14,7 +14,8 @@ from schemas.messages import DeclaredScenario, TruthScenario
 
 from .checks import check
 from .declared import declare
-from .file import ScenarioFile, TrackFile
+from .file import ScenarioFile
+from .motions import TrackFile
 from .toml_text import toml_text
 from .validation import key_of, step_to, validated
 

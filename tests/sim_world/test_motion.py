@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from estimation.frames import Site, geodetic_from_enu
 from sim_world.motion import Kinematics, Paths, path_of
-from sim_world.scenario.file import (
+from sim_world.scenario.motions import (
     ConstantAcceleration,
     ConstantVelocity,
     CoordinatedTurn,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from estimation.frames import site_at, target_from_source, yaw_rad
+from estimation.frames import site_at, target_from_source, wrap_pi, yaw_rad
 from sim_world.navigation import declared_covariances, frame_error, sail
 from sim_world.scenario import with_overrides
 from sim_world.scenario.file import ScenarioFile
@@ -30,6 +30,7 @@ ALL_SIGMAS: Tree = {
     "sigma_clock_s": 0.1,
     "sigma_clock_drift_ppm": 20.0,
 }
+READINGS: Tree = {"sigma_log_noise_mps": 2.0, "sigma_compass_noise_deg": 10.0}
 NO_ERRORS: Tree = {
     "position_east_m": 0.0, "position_north_m": 0.0, "north_deg": 0.0, "speed_mps": 0.0,
     "current_east_mps": 0.0, "current_north_mps": 0.0, "clock_s": 0.0, "clock_drift_ppm": 0.0,
@@ -174,8 +175,9 @@ def test_a_fix_replaces_what_has_drifted() -> None:
 
 
 @pytest.mark.parametrize("fix", [None, {"period_s": 250.0, "sigma_m": 20.0}], ids=["none", "fix"])
-def test_the_declared_covariance_is_honest(fix: Tree | None) -> None:
-    base = file(**({"fix": fix} if fix else {}))
+@pytest.mark.parametrize("noise", [{}, READINGS], ids=["steady", "noisy"])
+def test_the_declared_covariance_is_honest(fix: Tree | None, noise: Tree) -> None:
+    base = file(**({"fix": fix} if fix else {}), **noise)
     runs, checked = 400, [0, 1, 124, 300, STEPS]
     squares = np.zeros((runs, len(checked)))
     for seed in range(runs):
@@ -189,8 +191,15 @@ def test_the_declared_covariance_is_honest(fix: Tree | None) -> None:
     assert np.all(np.abs(nees - 1) < 5 * np.sqrt(2 / (3 * runs))), nees
 
 
+def test_log_and_compass_are_read_with_their_noise() -> None:
+    quiet, noisy = voyage(file(NO_ERRORS)), voyage(file(NO_ERRORS, **READINGS))
+    log, compass = noisy.log_mps - quiet.log_mps, wrap_pi(noisy.compass_rad - quiet.compass_rad)
+    for noise, sigma in ((log, 2.0), (compass, np.radians(10.0))):
+        assert np.std(noise) == pytest.approx(sigma, abs=4 * sigma / np.sqrt(2 * STEPS))
+
+
 def test_a_longer_run_begins_as_a_shorter_one() -> None:
-    given = file(fix={"period_s": 60.0, "sigma_m": 10.0})
+    given = file(fix={"period_s": 60.0, "sigma_m": 10.0}, **READINGS)
     short, long = (sail(given, given.carriers[0], origin_of(given), n) for n in (50, 80))
     for a, b in zip((*short.truth, *short[1:]), (*long.truth, *long[1:]), strict=True):
         assert np.array_equal(a, b[:51])

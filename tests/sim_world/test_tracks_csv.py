@@ -11,7 +11,7 @@ import pytest
 from estimation.frames import Site, geodetic_from_enu
 from schemas.errors import ScenarioError
 from sim_world.scenario import Scenario, parse_scenario
-from sim_world.scenario.file import Columns, TrackFile
+from sim_world.scenario.motions import Columns, TrackFile
 from sim_world.scenario.toml_text import toml_text
 from sim_world.tracks_csv import Recordings, read_reports, recordings
 from sim_world.world import World
