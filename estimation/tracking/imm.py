@@ -64,13 +64,20 @@ def joined(first: Bank, second: Bank) -> Bank:
     return Bank(*(np.concatenate(parts, axis=-1) for parts in both))
 
 
-def born(place_m: Array, covariance_m2: Array, motion: Motion) -> Bank:
-    """Tracks at places (2, n) with covariances (2, 2, n), their velocities unknown."""
+def born(place_m: Array, covariance_m2: Array, offset_s: Array, motion: Motion) -> Bank:
+    """Tracks from places (2, n) with covariances (2, 2, n), their velocities unknown.
+
+    The places hold `offset_s` (n,) after the instant of the bank.
+    """
     n = place_m.shape[-1]
     mean, covariance = np.zeros((4, 2, n)), np.zeros((4, 4, 2, n))
     mean[_PLACE] = place_m[:, None]
     covariance[_PLACE, _PLACE] = covariance_m2[:, :, None]
-    covariance[[2, 3], [2, 3]] = motion.sigma_speed_mps**2
+    variance = motion.sigma_speed_mps**2
+    for k in (0, 1):
+        covariance[k + 2, k + 2] = variance
+        covariance[k, k] += variance * offset_s**2
+        covariance[k, k + 2] = covariance[k + 2, k] = -variance * offset_s
     steady = motion.quiet_s / (motion.quiet_s + motion.manoeuvring_s)
     model = np.repeat([[steady], [1.0 - steady]], n, axis=-1)
     return Bank(mean, covariance, model)

@@ -1,0 +1,170 @@
+"""The tracks of a picture: what each pair with a plot would make of them, and what all pairs do.
+
+A track is a Bernoulli component: it exists with a probability and, if it does, has a state under
+each model and a class.
+
+Source: Williams, Marginal multi-Bernoulli filters: RFS derivation of MHT, JIPDA, and
+association-based MeMBer, IEEE Trans. AES 51(3), 2015, section IV-A; the models within a track by
+Bar-Shalom & Li, Multitarget-Multisensor Tracking: Principles and Techniques, section 4.5 (IMMPDA).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.arrays import Array, Indices
+from estimation.tracking import imm
+from estimation.tracking.gating import near
+from estimation.tracking.imm import Bank
+from estimation.tracking.innovations import Innovations, innovations
+from estimation.tracking.marginals import Candidates, Marginals
+from estimation.tracking.scan import Scan
+
+PairTerm = Callable[[Indices, Indices], Array]
+
+
+class Tracks(NamedTuple):
+    """The n Bernoulli components, oldest first.
+
+    Attributes:
+        identity: (n,) never used twice.
+        existence: (n,) probability.
+        bank: states.
+        classes: (classes, n) probabilities, given that it exists.
+    """
+
+    identity: Indices
+    existence: Array
+    bank: Bank
+    classes: Array
+
+    def take(self, which: Indices) -> Tracks:
+        """The tracks `which`, in that order."""
+        classes = np.take(self.classes, which, axis=-1)
+        return Tracks(self.identity[which], self.existence[which], self.bank.take(which), classes)
+
+
+class Pairs(NamedTuple):
+    """k gated pairs and what each would do to its track.
+
+    Attributes:
+        track, plot: (k,) by track.
+        innovations: of the pairs.
+        likelihood: (k,) density of the plot, features included, given the track.
+        model: (2, k) models after the plot.
+        classes: (classes, k) classes after the plot.
+    """
+
+    track: Indices
+    plot: Indices
+    innovations: Innovations
+    likelihood: Array
+    model: Array
+    classes: Array
+
+
+def none(classes: int) -> Tracks:
+    """No tracks."""
+    nobody = np.empty(0, dtype=np.intp)
+    return Tracks(nobody, np.empty(0), imm.empty(), np.empty((classes, 0)))
+
+
+def joined(first: Tracks, second: Tracks) -> Tracks:
+    """The tracks of both, in order."""
+    return Tracks(
+        np.concatenate([first.identity, second.identity]),
+        np.concatenate([first.existence, second.existence]),
+        imm.joined(first.bank, second.bank),
+        np.concatenate([first.classes, second.classes], axis=-1),
+    )
+
+
+def gated(tracks: Tracks, scan: Scan, gate: float, term: PairTerm | None = None) -> Pairs:
+    """Pairs whose plot lies within the ellipse of `gate` of either model of the track.
+
+    Args:
+        tracks: predicted to the scan.
+        scan: one report.
+        gate: Mahalanobis distance squared.
+        term: logarithm of one more likelihood ratio, of pairs (rows of tracks, plots).
+    """
+    track, plot = near(tracks.bank, scan.plots, gate, scan.common)
+    mean, covariance, model = tracks.bank.take(track)
+    found = innovations(scan.plots.rows(mean, plot), mean, covariance, scan.common)
+    inside = np.flatnonzero((found.distance_squared() <= gate).any(axis=0))
+    track, plot, found = track[inside], plot[inside], found.take(inside)
+    by_model = model[:, inside] * np.exp(found.log_density)
+    likelihood = by_model.sum(axis=0)
+    if term is not None:
+        likelihood = likelihood * np.exp(term(track, plot))
+    classes, told = judged(np.take(tracks.classes, track, axis=-1), scan.evidence, plot)
+    after = by_model / np.maximum(by_model.sum(axis=0), 1e-300)
+    return Pairs(track, plot, found, likelihood * told, after, classes)
+
+
+def judged(classes: Array, evidence: Array | None, plot: Indices) -> tuple[Array, Array]:
+    """Classes (classes, k) after a plot each, and the likelihood (k,) of its features."""
+    if evidence is None:
+        return classes, np.ones(classes.shape[-1])
+    joint = classes * evidence[:, plot]
+    total = joint.sum(axis=0)
+    return joint / np.maximum(total, 1e-300), total
+
+
+def candidates(tracks: Tracks, pairs: Pairs, detection: Array, alone: Array) -> Candidates:
+    """Pairs weighed against both ends staying alone.
+
+    Args:
+        tracks: n of them.
+        pairs: of tracks and plots.
+        detection: (n,) probability that each, if it exists, gives a plot.
+        alone: (m,) density of each plot if it is of none of the tracks.
+    """
+    hit = tracks.existence * detection
+    odds = hit / (1.0 - hit)
+    weight = odds[pairs.track] * pairs.likelihood / np.maximum(alone, 1e-300)[pairs.plot]
+    return Candidates(pairs.track, pairs.plot, weight, len(hit), len(alone))
+
+
+def updated(tracks: Tracks, pairs: Pairs, marginals: Marginals, detection: Array) -> Tracks:
+    """Each track after the scan, its hypotheses folded into one by their moments."""
+    missed = tracks.existence * (1.0 - detection) / (1.0 - tracks.existence * detection)
+    missed = missed * marginals.track_alone
+    sums = _Sums(pairs.track, len(missed))
+    existence = missed + sums.of(marginals.pair)
+    share = marginals.pair / np.maximum(existence, 1e-300)[pairs.track]
+    stay = missed / np.maximum(existence, 1e-300)
+    bank = _folded(tracks.bank, pairs, share, stay, sums)
+    classes = tracks.classes * stay + sums.of(pairs.classes * share)
+    return Tracks(tracks.identity, np.minimum(existence, 1.0), bank, classes)
+
+
+def _folded(bank: Bank, pairs: Pairs, share: Array, stay: Array, sums: _Sums) -> Bank:
+    """First two moments of each model over the hypotheses: a miss (`stay`) and the pairs."""
+    joint = pairs.model * share
+    model = bank.model * stay + sums.of(joint)
+    given = joint / np.maximum(model, 1e-300)[:, pairs.track]
+    shift, less = pairs.innovations.corrections()
+    mean_shift = sums.of(shift * given)
+    change = sums.of(((shift[:, None] * shift) - less) * given)
+    covariance = bank.covariance + (change - mean_shift[:, None] * mean_shift)
+    return Bank(bank.mean + mean_shift, covariance, model / model.sum(axis=0))
+
+
+class _Sums:
+    """Sums over the pairs of each track; pairs come by track."""
+
+    def __init__(self, track: Indices, tracks: int) -> None:
+        self._tracks = tracks
+        self._begins = np.flatnonzero(np.diff(track, prepend=-1))
+        self._owner = track[self._begins]
+
+    def of(self, values: Array) -> Array:
+        """(..., k) by pair to (..., n) by track."""
+        total = np.zeros((*values.shape[:-1], self._tracks))
+        if self._owner.size:
+            total[..., self._owner] = np.add.reduceat(values, self._begins, axis=-1)
+        return total

@@ -1,0 +1,62 @@
+"""One report of one source, ready for the picture: what was seen, where it can see, how well."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.arrays import Array
+from estimation.tracking.innovations import Common
+from estimation.tracking.measurements import Measurement
+
+
+class View(NamedTuple):
+    """What a sensor can see: a ring sector about it.
+
+    Attributes:
+        site_m: (2,) east, north.
+        range_min_m, range_max_m: limits.
+        start_rad, width_rad: the sector, clockwise from north; a full turn by default.
+    """
+
+    site_m: Array
+    range_min_m: float = 0.0
+    range_max_m: float = math.inf
+    start_rad: float = 0.0
+    width_rad: float = 2 * math.pi
+
+    def holds(self, place_m: Array) -> NDArray[np.bool_]:
+        """Which of the places (2, ...) are in view."""
+        east, north = (axis - site for axis, site in zip(place_m, self.site_m, strict=True))
+        far = np.hypot(east, north)
+        inside: NDArray[np.bool_] = (far >= self.range_min_m) & (far <= self.range_max_m)
+        if self.width_rad < 2 * math.pi:
+            turned = (np.arctan2(east, north) - self.start_rad) % (2 * math.pi)
+            inside &= turned <= self.width_rad
+        return inside
+
+
+class Scan(NamedTuple):
+    """The plots of one source at one instant, in the picture frame.
+
+    Attributes:
+        t_ns: the instant.
+        plots: the m measurements.
+        view: where they can come from.
+        detection: probability that a target in view gives a plot.
+        clutter: expected false plots [1/m^2] (bearings alone: [1/rad]).
+        common: error that all of them share, if any.
+        evidence: (classes, m) likelihood of each plot's features if its target is of a class, over
+            that if it is false; None without features.
+    """
+
+    t_ns: int
+    plots: Measurement
+    view: View
+    detection: float
+    clutter: float
+    common: Common | None = None
+    evidence: Array | None = None

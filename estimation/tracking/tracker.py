@@ -1,0 +1,196 @@
+"""One picture from the scans of many sources: tracks with existence, state and class.
+
+The posterior is a Poisson intensity of targets not yet detected plus one Bernoulli component for
+each track, kept to one component a track after every scan by its association marginals (TOMB/P).
+
+Source: Williams, Marginal multi-Bernoulli filters: RFS derivation of MHT, JIPDA, and
+association-based MeMBer, IEEE Trans. AES 51(3), 2015, section IV-A.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.arrays import Array, Indices
+from estimation.tracking import bernoulli, imm, undetected
+from estimation.tracking.bernoulli import Pairs, PairTerm, Tracks
+from estimation.tracking.births import alone
+from estimation.tracking.imm import Motion
+from estimation.tracking.marginals import Candidates, Marginals, by_belief
+from estimation.tracking.scan import Scan
+from estimation.tracking.undetected import Region, Undetected
+
+
+class Settings(NamedTuple):
+    """What the tracker expects of the world, and where it stops caring.
+
+    Attributes:
+        motion: of targets.
+        region: of the picture.
+        lifetime_s: mean time between a target's appearing and its vanishing.
+        gate: Mahalanobis distance squared beyond which a plot is not of a track.
+        confirmed: existence from which a track is shown.
+        pruned: existence below which it is dropped.
+        classes: prior probability of each class.
+        associate: marginals from candidates; `by_assignment` is the simple mode.
+    """
+
+    motion: Motion = Motion()
+    region: Region = Region()
+    lifetime_s: float = 600.0
+    gate: float = 20.0
+    confirmed: float = 0.5
+    pruned: float = 5e-4
+    classes: tuple[float, ...] = (1.0,)
+    associate: Callable[[Candidates], Marginals] = by_belief
+
+
+class Picture(NamedTuple):
+    """Everything the tracker knows at `t_ns`; never changed in place.
+
+    Attributes:
+        t_ns: of the last scan.
+        tracks: all of them, shown or not.
+        undetected: targets no track stands for.
+        begun: number of tracks ever begun: the identity of the next one.
+    """
+
+    t_ns: int
+    tracks: Tracks
+    undetected: Undetected
+    begun: int
+
+
+class Association(NamedTuple):
+    """What a step did with its m plots.
+
+    Attributes:
+        identity: (k,) track of each gated pair, plot: (k,), probability: (k,).
+        distance: (k,) Mahalanobis distance squared under the likelier model.
+        begun: (m,) identity of the track each plot began, -1 if none.
+    """
+
+    identity: Indices
+    plot: Indices
+    probability: Array
+    distance: Array
+    begun: Indices
+
+
+class Shown(NamedTuple):
+    """The n tracks of a picture that are shown.
+
+    Attributes:
+        identity, existence: (n,).
+        mean: (n, 4) east, north [m], their rates [m/s]; covariance: (n, 4, 4).
+        manoeuvring: (n,) probability.
+        classes: (n, classes) probabilities.
+    """
+
+    identity: Indices
+    existence: Array
+    mean: Array
+    covariance: Array
+    manoeuvring: Array
+    classes: Array
+
+
+def nothing(settings: Settings, t_ns: int) -> Picture:
+    """The picture before any scan."""
+    tracks = bernoulli.none(len(settings.classes))
+    return Picture(t_ns, tracks, undetected.unseen(settings.region), 0)
+
+
+def step(
+    before: Picture, scan: Scan, settings: Settings, term: PairTerm | None = None
+) -> tuple[Picture, Association]:
+    """The picture after a scan, and which plots were taken for which tracks.
+
+    Args:
+        before: left as it is.
+        scan: one report of one source, no older than `before`.
+        settings: the same in every step.
+        term: logarithm of one more likelihood ratio of pairs (rows of `before.tracks`, plots).
+
+    Raises:
+        ValueError: the scan is older than the picture.
+    """
+    now = predicted(before, scan.t_ns, settings)
+    pairs = bernoulli.gated(now.tracks, scan, settings.gate, term)
+    lone = alone(now.undetected, scan, settings.motion, np.asarray(settings.classes))
+    place, _ = imm.combined(now.tracks.bank)
+    detection = np.where(scan.view.holds(place[:2]), scan.detection, 0.0)
+    candidates = bernoulli.candidates(now.tracks, pairs, detection, lone.density)
+    marginals = settings.associate(candidates)
+    old = bernoulli.updated(now.tracks, pairs, marginals, detection)
+    new, begun = _named(lone.tracks, marginals.plot_alone, now.begun, settings.pruned)
+    kept = old.take(np.flatnonzero(old.existence >= settings.pruned))
+    after = Picture(
+        scan.t_ns,
+        bernoulli.joined(kept, new),
+        lone.undetected,
+        now.begun + len(new.identity),
+    )
+    return after, _association(now.tracks, pairs, marginals, begun)
+
+
+def predicted(before: Picture, t_ns: int, settings: Settings) -> Picture:
+    """The picture at a later instant.
+
+    Raises:
+        ValueError: the instant is earlier.
+    """
+    dt_s = (t_ns - before.t_ns) * 1e-9
+    if dt_s < 0:
+        raise ValueError(f"a picture cannot go back: it is at {before.t_ns} ns, asked {t_ns} ns")
+    tracks = before.tracks
+    survives = math.exp(-dt_s / settings.lifetime_s)
+    later = tracks._replace(
+        existence=tracks.existence * survives,
+        bank=imm.predicted(tracks.bank, dt_s, settings.motion),
+    )
+    targets = float(tracks.existence.sum()) + undetected.expected(before.undetected)
+    hidden = undetected.aged(before.undetected, dt_s, settings.lifetime_s, targets)
+    return Picture(t_ns, later, hidden, before.begun)
+
+
+def shown(picture: Picture, settings: Settings) -> Shown:
+    """The confirmed tracks."""
+    tracks = picture.tracks.take(np.flatnonzero(picture.tracks.existence >= settings.confirmed))
+    mean, covariance = imm.combined(tracks.bank)
+    return Shown(
+        tracks.identity,
+        tracks.existence,
+        mean.T,
+        np.moveaxis(covariance, -1, 0),
+        tracks.bank.model[1],
+        tracks.classes.T,
+    )
+
+
+def count(picture: Picture) -> tuple[float, float]:
+    """Number of targets that have tracks, with its sigma, tracks taken as independent."""
+    r = picture.tracks.existence
+    return float(r.sum()), math.sqrt(float((r * (1.0 - r)).sum()))
+
+
+def _named(lone: Tracks, chance: Array, first: int, pruned: float) -> tuple[Tracks, Indices]:
+    """New tracks worth keeping, with identities, and the identity each plot began or -1."""
+    begun = np.full(len(chance), -1, dtype=np.intp)
+    if not len(lone.identity):
+        return lone, begun
+    existence = lone.existence * chance
+    kept = np.flatnonzero(existence >= pruned)
+    begun[kept] = first + np.arange(len(kept))
+    new = lone._replace(existence=existence).take(kept)
+    return new._replace(identity=begun[kept]), begun
+
+
+def _association(tracks: Tracks, pairs: Pairs, marginals: Marginals, begun: Indices) -> Association:
+    distance = pairs.innovations.distance_squared()
+    likelier = np.where(pairs.model[1] > pairs.model[0], distance[1], distance[0])
+    return Association(tracks.identity[pairs.track], pairs.plot, marginals.pair, likelier, begun)
