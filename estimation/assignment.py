@@ -12,6 +12,8 @@ from scipy.spatial import cKDTree
 from estimation.arrays import Array, ArrayLike, Indices
 
 _BATCH = 2000  # candidates solved together: the solver's time grows with rows squared
+_PASSES, _SETTLED = 100, 1e-6
+_LARGEST = 300.0  # of a log ratio, so that its exponential is finite
 
 
 def neighbours(first: ArrayLike, second: ArrayLike, radius: float) -> tuple[Indices, Indices]:
@@ -50,6 +52,38 @@ def assignment(first: Indices, second: Indices, gain: Array) -> Indices:
         rivals = useful[size > 1][batch]
         chosen.append(rivals[_solved(first[rivals], second[rivals], gain[rivals])])
     return np.sort(np.concatenate(chosen))
+
+
+def pair_probabilities(first: Indices, second: Indices, log_ratio: Array) -> Array:
+    """The probability (K,) of each candidate, over all one-to-one sets of them.
+
+    Bethe's approximation by belief propagation: exact where the candidates form no loops.
+
+    Args:
+        first, second: (K,) as of `assignment`.
+        log_ratio: (K,) ln p(they are one) / p(both stand alone).
+
+    Source: Williams & Lau, Approximate evaluation of marginal association probabilities with
+    belief propagation, IEEE Trans. AES 50(4), 2014, eqs 30 and 31.
+    """
+    if not len(log_ratio):
+        return np.empty(0)
+    psi = np.exp(np.clip(log_ratio, -_LARGEST, _LARGEST))
+    _, i = np.unique(first, return_inverse=True)
+    _, j = np.unique(second, return_inverse=True)
+    nu = np.ones_like(psi)
+    for _ in range(_PASSES):
+        mu = psi / (1.0 + _others(i, psi * nu))
+        before, nu = nu, 1.0 / (1.0 + _others(j, mu))
+        if np.abs(nu - before).max() < _SETTLED:
+            break
+    weighed = psi * nu
+    return np.asarray(weighed / (1.0 + np.bincount(i, weighed)[i]), dtype=float)
+
+
+def _others(owner: Indices, message: Array) -> Array:
+    """Sum of the messages of the same owner but for one's own."""
+    return np.maximum(np.bincount(owner, message)[owner] - message, 0.0)
 
 
 def _groups(first: Indices, second: Indices) -> Indices:

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from estimation import assignment as module
-from estimation.assignment import assignment, neighbours
+from estimation.assignment import assignment, neighbours, pair_probabilities
 
 
 def candidates(rng, rows: int, columns: int, share: float):
@@ -74,3 +74,41 @@ def test_nobody_has_no_neighbours() -> None:
     assert i.size == j.size == 0
     i, j = neighbours(np.full((2, 2), np.nan), np.zeros((3, 2)), 1.0)
     assert i.size == j.size == 0
+
+
+def probabilities_by_trial(first, second, log_ratio):
+    """Over every one-to-one set of candidates, one by one."""
+    weights = np.zeros(len(first) + 1)
+    for bits in range(2 ** len(first)):
+        which = [k for k in range(len(first)) if bits >> k & 1]
+        if len(set(first[which])) == len(set(second[which])) == len(which):
+            weight = np.exp(log_ratio[which].sum())
+            weights[which] += weight
+            weights[-1] += weight
+    return weights[:-1] / weights[-1]
+
+
+def test_probabilities_are_exact_without_loops() -> None:
+    first, second = np.array([0, 0, 1, 1, 2]), np.array([0, 1, 1, 2, 2])
+    for seed in range(20):
+        log_ratio = np.random.default_rng(seed).normal(0, 3, 5)
+        expected = probabilities_by_trial(first, second, log_ratio)
+        found = pair_probabilities(first, second, log_ratio)
+        np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_probabilities_are_near_where_candidates_form_loops() -> None:
+    first, second = np.repeat(np.arange(3), 3), np.tile(np.arange(3), 3)
+    worst = 0.0
+    for seed in range(30):
+        log_ratio = np.random.default_rng(seed).normal(0, 2, 9)
+        expected = probabilities_by_trial(first, second, log_ratio)
+        worst = max(worst, np.abs(pair_probabilities(first, second, log_ratio) - expected).max())
+    assert worst < 0.12  # Bethe's approximation; full 3 by 3 tables are its worst case
+
+
+def test_certain_and_impossible_pairs() -> None:
+    first, second = np.array([0, 0, 1]), np.array([0, 1, 1])
+    found = pair_probabilities(first, second, np.array([1e9, -np.inf, -1e9]))
+    np.testing.assert_allclose(found, [1.0, 0.0, 0.0], atol=1e-12)
+    assert pair_probabilities(*np.empty((2, 0), dtype=np.intp), np.empty(0)).size == 0

@@ -1,0 +1,1 @@
+"""What paper 002 demands of joint fusion: association, classes, time, tracks of tracks."""
