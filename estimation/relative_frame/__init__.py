@@ -28,6 +28,7 @@ from estimation.relative_frame.closed_form import (
     solve,
 )
 from estimation.relative_frame.consider import Positions, corrected, fused, positions
+from estimation.relative_frame.fixed_axes import in_fixed_axes
 from estimation.relative_frame.information import OwnAxesInformation
 from estimation.relative_frame.joint import (
     Elapsed,
@@ -132,6 +133,7 @@ __all__ = [
     "equivalent_measurement",
     "fused",
     "improved_by",
+    "in_fixed_axes",
     "in_own_axes",
     "information",
     "linearised_once",

@@ -111,21 +111,22 @@ def innovations(
         place_m: (m, 2).
         covariance: (m, 2, 2) of the plots.
     """
-    dt = np.asarray(elapsed_s)[..., None]
-    apart = place_m - (bank.state[:, None, :2] + dt * bank.state[:, None, 2:])
+    dt = np.asarray(elapsed_s, dtype=float)[..., None, None]
+    apart = place_m - (bank.state[:, None, :2] + dt[..., 0] * bank.state[:, None, 2:])
     p = bank.covariance[:, None]
-    grown = process_noise * np.abs(dt[..., 0]) ** 3 / 3
+    cross = p[..., :2, 2:] + p[..., 2:, :2]
+    spread = p[..., :2, :2] + dt * cross + dt**2 * p[..., 2:, 2:] + covariance
+    spread += process_noise * np.abs(dt) ** 3 / 3 * np.eye(2)
+    return Innovations(*normalised(apart, spread))
 
-    def spread(i: int, j: int) -> Array:
-        with_rates = p[..., i, 2 + j] + p[..., 2 + i, j]
-        total: Array = p[..., i, j] + dt[..., 0] * with_rates
-        return total + dt[..., 0] ** 2 * p[..., 2 + i, 2 + j] + covariance[:, i, j]
 
-    ee, en, nn = spread(0, 0) + grown, spread(0, 1), spread(1, 1) + grown
-    determinant = ee * nn - en**2
+def normalised(apart: Array, spread: Array) -> tuple[Array, Array]:
+    """Normalised squared distances (...) of (..., 2) and ln of the determinants of (..., 2, 2)."""
+    ee, en, nn = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
+    determinant = ee * nn - en * spread[..., 1, 0]
     east, north = apart[..., 0], apart[..., 1]
-    weighed = nn * east**2 - 2 * en * east * north + ee * north**2
-    return Innovations(weighed / determinant, np.log(determinant))
+    weighed = nn * east**2 - (en + spread[..., 1, 0]) * east * north + ee * north**2
+    return weighed / determinant, np.log(determinant)
 
 
 def improved(bank: Bank, place_m: Array, covariance: Array) -> Bank:
