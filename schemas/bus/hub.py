@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -21,6 +22,7 @@ from .entry import leave_with_launcher
 from .zenoh_session import Settings, close_session, open_session
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+ADVICE = "tcp/ADDRESS:PORT of this machine, such as tcp/127.0.0.1:7447 or tcp/0.0.0.0:7447"
 CLOSE_S = 0.3
 RECEIVERS = 64
 """Of a whole host that is cut off each link holds one for 10 s; idle they cost nothing."""
@@ -106,7 +108,7 @@ def _open(listen: str, connect: Sequence[str], strict: bool) -> tuple[zenoh.Sess
     except zenoh.ZError as error:
         if "Address already in use" not in str(error):
             raise BusError(
-                f"cannot listen on {listen}: {error}", expected="such as tcp/127.0.0.1:7447"
+                "cannot listen there", where=listen, got=_reason(error), expected=ADVICE
             ) from None
         if strict:
             raise BusError(
@@ -115,6 +117,12 @@ def _open(listen: str, connect: Sequence[str], strict: bool) -> tuple[zenoh.Sess
             ) from None
         return _open(_with_port(listen, 0), connect, strict=True)
     return session, _given(session, listen)
+
+
+def _reason(error: zenoh.ZError) -> str:
+    """The system's own words; Zenoh's go through its sources."""
+    found = re.search(r": ([\w ,'-]+) \(os error \d+\)", str(error))
+    return found[1] if found else "not an endpoint of this machine"
 
 
 def _given(session: zenoh.Session, listen: str) -> str:

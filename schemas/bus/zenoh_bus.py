@@ -24,7 +24,7 @@ from ..qos import Qos
 from .answering import answers
 from .interface import Handler, Inbox, Liveness, Sample
 from .limits import require_size, weigh
-from .zenoh_session import close_session, open_session
+from .zenoh_session import close_session, in_words, open_session
 
 CLOSE_S = 1.0
 HUB_ANSWER_S = 1.0
@@ -234,7 +234,7 @@ class ZenohBus:
             yield
         except zenoh.ZError as error:
             if not self._closed:
-                raise BusError(str(error), where=key) from error
+                raise BusError(in_words(error), where=key) from error
 
 
 class _Link:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import re
 import threading
 from collections.abc import Mapping
 
@@ -47,6 +48,11 @@ def open_session(settings: Settings, receivers: int = RECEIVERS) -> zenoh.Sessio
     for name, value in {**COMMON, **settings}.items():
         config.insert_json5(name, json.dumps(value))
     return zenoh.open(config)
+
+
+def in_words(error: zenoh.ZError) -> str:
+    """What Zenoh says of an error, without where in its sources it says so."""
+    return re.sub(r" at \S+\.rs:\d+\.?", "", str(error))
 
 
 def close_session(session: zenoh.Session, timeout_s: float) -> None:

@@ -45,7 +45,7 @@ def test_a_taken_port_that_was_asked_for_is_an_error_that_says_what_to_do(hub: s
 def test_where_nobody_can_listen_is_an_error(hub: str) -> None:
     done = listen("nowhere")
     assert done.returncode == 2
-    assert "cannot listen on nowhere" in done.stderr
+    assert "nowhere: cannot listen there" in done.stderr
 
 
 def test_a_taken_default_port_gives_a_free_one(hub: str) -> None:
