@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import logging
 import os
 import select
 import socket
@@ -12,6 +14,8 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from schemas.errors import CrossfixError
+
+log = logging.getLogger("bridge")
 
 CHUNK_BYTES = 64 * 1024
 BATCH = 256
@@ -133,7 +137,7 @@ class Connections:
 
 
 class Connection:
-    """One TCP connection that we open, and open again whenever it dies."""
+    """One TCP connection that we open, and open again whenever it dies; says when it cannot."""
 
     ended = False
 
@@ -142,6 +146,7 @@ class Connection:
         self._socket: socket.socket | None = None
         self._number = 0
         self._retry_s = 0.0
+        self._told = ""
 
     def take(self, timeout_s: float) -> list[Arrival]:
         """What has come, or the end of a connection."""
@@ -167,12 +172,21 @@ class Connection:
             time.sleep(min(wait_s, timeout_s))
             return False
         self._retry_s = time.monotonic() + RETRY_S
-        with suppress(OSError):
+        try:
             self._socket = socket.create_connection(self._address, timeout=CONNECT_S)
-            # A peer whose machine has vanished never says so.
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-            self._number += 1
-        return self._socket is not None
+        except OSError as error:
+            self._tell(f"{error.strerror or error}; trying again until it can be connected to")
+            return False
+        # A peer whose machine has vanished never says so.
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        self._number += 1
+        self._tell("connected")
+        return True
+
+    def _tell(self, news: str) -> None:
+        if news != self._told:
+            log.info("%s:%d: %s", *self._address, news)
+            self._told = news
 
 
 class Pipe:
@@ -186,7 +200,7 @@ class Pipe:
         self.ended = False
         self._own = path != "-"
         try:
-            self._fd = os.open(Path(path), os.O_RDONLY) if self._own else sys.stdin.fileno()
+            self._fd = _opened(Path(path)) if self._own else sys.stdin.fileno()
         except OSError as error:
             raise CrossfixError(
                 error.strerror or "cannot be read", where=path, expected="a file, or - for stdin"
@@ -216,6 +230,12 @@ def endpoint(text: str) -> tuple[str, int]:
     if not host or not port.isdecimal() or int(port) > 65535:
         raise CrossfixError("not an address", got=text, expected="HOST:PORT")
     return host.strip("[]"), int(port)
+
+
+def _opened(path: Path) -> int:
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    return os.open(path, os.O_RDONLY)
 
 
 def _bound(kind: socket.SocketKind, host: str, port: int) -> socket.socket:

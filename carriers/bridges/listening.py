@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 from schemas import codec, keys
 from schemas.bus.interface import Bus, Inbox, Sample
@@ -21,15 +21,12 @@ class Listener:
 
     Attributes:
         refused: messages that were none.
-
-    Raises:
-        CrossfixError: no such topic.
     """
 
-    def __init__(self, bus: Bus, run: str, topics: Sequence[str] = TOPICS) -> None:
+    def __init__(self, bus: Bus, run: str, topics: Iterable[keys.Topic]) -> None:
         self.refused = 0
         self._inbox: Inbox[Sample] = Inbox()
-        for topic in map(_topic, topics):
+        for topic in topics:
             bus.subscribe(topic.every(run), self._inbox)
         self._watch = RunWatch(bus, run, RunClock(None))
 
@@ -62,7 +59,12 @@ def line_of(sample: Sample) -> bytes:
     return b'{"topic":"%s",%s' % (topic.name.encode(), codec.encode_json(message)[1:])
 
 
-def _topic(name: str) -> keys.Topic:
+def topic_of(name: str) -> keys.Topic:
+    """The topic of a name.
+
+    Raises:
+        CrossfixError: no such topic; lists them.
+    """
     topics = {topic.name: topic for topic in keys.TOPICS}
     if name not in topics:
         raise CrossfixError("no such topic", got=name, expected=" or ".join(topics))

@@ -23,7 +23,7 @@ from schemas.messages import DeclaredScenario, ProcessState
 
 from .bridge import Bridge, Station
 from .feeds import Feed
-from .listening import Listener
+from .listening import Listener, topic_of
 from .node import BridgeNode, Complaints, MemberOutlet
 from .records import Decoder
 from .run_clock import RunClock
@@ -32,7 +32,7 @@ log = logging.getLogger("bridge")
 
 PUMP_S = 0.1
 STATUS_S = 1.0
-HUB_S = 5.0
+HUB_S = 3.0
 NO_RUN_S = 1e9
 """Without a run no stamp is late or early."""
 
@@ -87,10 +87,15 @@ def show_feed(carrier: str, run: str, station: Station, decode: Decoder, feed: F
 
 
 def print_run(connect: str, run: str, topics: Iterable[str], count: int | None) -> int:
-    """Print messages of a run as JSON lines, until it ends or `count` have been printed."""
+    """Print messages of a run as JSON lines, until it ends or `count` have been printed.
+
+    Raises:
+        CrossfixError: no such topic, or no hub.
+    """
+    wanted = [topic_of(name) for name in topics]
     stopped: list[bool] = []
     with open_bus(connect, HUB_S) as bus:
-        listener = Listener(bus, run, tuple(topics))
+        listener = Listener(bus, run, wanted)
         on_signal(lambda: stopped.append(True))
         log.info("listening to %s", run)
         lines = chain.from_iterable(_batches(listener, stopped))
