@@ -28,6 +28,7 @@ VERBS = (
     "bridge",
     "report",
     "check",
+    "doctor",
 )
 """Verb `x` is the function `x` in `crossfix/commands/x.py`, which imports what is heavy inside."""
 
@@ -56,6 +57,7 @@ def new_app() -> App:
         help_format="markdown",
         version=__version__,
         exit_on_error=False,
+        print_error=False,
         result_action="return_value",
     )
     for verb in VERBS:
@@ -68,19 +70,24 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     pin_threads()
     try:
         code = new_app()(arguments)
-    except CycloptsError:  # already explained, with the usage
+    except CycloptsError as error:
+        _explain(f"{error} See `{_help_for(error)}`.")
         code = BAD_USE
     except CrossfixError as error:
-        _explain(error)
+        _explain(str(error))
         code = error.exit_code
     sys.exit(code)
 
 
-def _explain(error: CrossfixError) -> None:
+def _help_for(error: CycloptsError) -> str:
+    return " ".join(("crossfix", *(error.command_chain or ()), "--help"))
+
+
+def _explain(error: str) -> None:
     from rich.console import Console
     from rich.text import Text
 
-    line = Text.assemble(("error: ", "bold red"), str(error))
+    line = Text.assemble(("error: ", "bold red"), error)
     Console(stderr=True, soft_wrap=True).print(line)
 
 

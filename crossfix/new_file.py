@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
+from tempfile import TemporaryFile
 
 from schemas.errors import LaunchError
 
@@ -43,8 +43,13 @@ def require_new(path: Path) -> Path:
         raise LaunchError("exists already", where=where, expected="the name of a new file")
     if not folder.is_dir():
         raise LaunchError("no such folder", where=where, got=str(folder), expected="mkdir it first")
-    if not os.access(folder, os.W_OK | os.X_OK):
+    try:
+        with TemporaryFile(dir=folder):
+            return path
+    except OSError as error:
         raise LaunchError(
-            "folder is not writable", where=where, got=str(folder), expected="--output elsewhere"
-        )
-    return path
+            "no file can be written there",
+            where=where,
+            got=error.strerror,
+            expected="--output elsewhere",
+        ) from None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -32,11 +32,11 @@ class Pace:
     """When each log time is due, counted from the first one that is waited for.
 
     Args:
-        rate: seconds of log time in one second of wall time; `max` never waits.
+        rate: seconds of log time in one second of wall time; None never waits.
     """
 
-    def __init__(self, rate: float | Literal["max"]) -> None:
-        self._rate = None if rate == "max" else rate
+    def __init__(self, rate: float | None) -> None:
+        self._rate = rate
         self._started_s = 0.0
         self._first_ns: int | None = None
 

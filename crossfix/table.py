@@ -33,7 +33,7 @@ def show_frames(path: Path, *, as_json: bool = False) -> list[FrameSummary]:
     if as_json:
         print(json.dumps([summary._asdict() for summary in summaries], indent=2))
     else:
-        _print(summaries)
+        print_frames(summaries)
     return summaries
 
 
@@ -57,7 +57,8 @@ def own_carrier(scenario: DeclaredScenario) -> str:
     return str(scenario.fusion.get("own") or scenario.carriers[0].name)
 
 
-def _print(summaries: list[FrameSummary]) -> None:
+def print_frames(summaries: list[FrameSummary]) -> None:
+    """Print them as a table for people."""
     table = Table(
         title="Error of each carrier's frame before and after correction",
         caption=NOTE,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, radians
+from math import isfinite, pi, radians
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from crossfix.commands import ENDPOINT
+from crossfix.commands import ENDPOINT, Count, Name, Sigma, Timeout
 
 if TYPE_CHECKING:
     from carriers.bridges.bridge import Station
@@ -68,14 +68,14 @@ class StationOptions:
     """
 
     position: str | None = None
-    sigma_position: float = 100.0
-    sigma_north: float = 1.0
-    kind: str = "radar"
+    sigma_position: Sigma = 100.0
+    sigma_north: Sigma = 1.0
+    kind: Name = "radar"
     coordinates: Literal["bearing_range", "bearing", "cartesian", "geodetic"] | None = None
-    period: float = 1.0
-    sigma_bearing: float | None = None
-    sigma_range: float | None = None
-    sigma_xy: float | None = None
+    period: Timeout = 1.0
+    sigma_bearing: Sigma | None = None
+    sigma_range: Sigma | None = None
+    sigma_xy: Sigma | None = None
     stamp: Literal["line", "arrival"] = "line"
 
 
@@ -93,9 +93,9 @@ class RunOptions:
     """
 
     names: Annotated[str, Parameter(name="--as")] = "carrier=jsonl,source=jsonl"
-    run: str | None = None
+    run: Name | None = None
     connect: str = ENDPOINT
-    start_timeout: float = 30.0
+    start_timeout: Timeout = 30.0
     dry_run: Annotated[bool, Parameter(negative="")] = False
 
 
@@ -112,7 +112,7 @@ class OutOptions:
 
     out: Annotated[bool, Parameter(negative="")] = False
     topic: Annotated[tuple[str, ...], Parameter(negative=())] = ()
-    count: int | None = None
+    count: Count | None = None
 
 
 STDIN, RECORDS_SAY = FeedOptions(), StationOptions()
@@ -169,7 +169,7 @@ def jsonl(
 
 
 @bridge.command
-def status(carrier: str, /, *, run: str, connect: str = ENDPOINT) -> None:
+def status(carrier: Name, /, *, run: Name, connect: str = ENDPOINT) -> None:
     """Ask a bridge what it has received, decoded, refused and published so far, as JSON.
 
     ```
@@ -271,8 +271,11 @@ def _position(text: str | None) -> dict[str, float]:
     try:
         latitude, longitude, *altitude = map(float, (text or "0,0").split(","))
         (altitude_m,) = altitude or (0.0,)
+        if not (abs(latitude) <= 90 and abs(longitude) <= 360 and isfinite(altitude_m)):
+            raise ValueError
     except ValueError:
-        raise CrossfixError("--position", got=text, expected="LAT,LON or LAT,LON,ALT") from None
+        expected = "LAT,LON or LAT,LON,ALT in degrees and metres"
+        raise CrossfixError("--position", got=text, expected=expected) from None
     return {
         "latitude_rad": latitude * pi / 180,
         "longitude_rad": longitude * pi / 180,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from crossfix.commands import ENDPOINT
+from crossfix.commands import ENDPOINT, Name, Timeout
 
 
 def carrier(
-    name: str, /, *, run: str, connect: str = ENDPOINT, start_timeout: float = 600.0
+    name: Name, /, *, run: Name, connect: str = ENDPOINT, start_timeout: Timeout = 600.0
 ) -> int:
     """Simulate one carrier: its navigation and its sensors, as the scenario has them.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from crossfix.commands import ENDPOINT
+from crossfix.commands import ENDPOINT, Name, Timeout
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -21,10 +21,10 @@ HUB_S = 3.0
 
 def check(
     *,
-    run: str | None = None,
-    carrier: str | None = None,
+    run: Name | None = None,
+    carrier: Name | None = None,
     connect: str = ENDPOINT,
-    seconds: float = 20.0,
+    seconds: Timeout = 20.0,
     recording: Path | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> int:

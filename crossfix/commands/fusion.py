@@ -8,17 +8,17 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from crossfix.commands import ENDPOINT
+from crossfix.commands import ENDPOINT, Name, Seconds, Timeout
 
 
 def fusion(
     *,
-    run: str,
+    run: Name,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     connect: str = ENDPOINT,
-    max_loss: float = 0.25,
-    lateness: float = 0.2,
-    start_timeout: float = 600.0,
+    max_loss: Seconds = 0.25,
+    lateness: Seconds = 0.2,
+    start_timeout: Timeout = 600.0,
 ) -> int:
     """Fuse what the carriers of a run publish, and record all of it.
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from crossfix.commands import Name, Timeout
+
 
 def hub(
     *,
     listen: str | None = None,
     connect: list[str] | None = None,
-    until_run_ends: str | None = None,
-    start_timeout: float = 600.0,
+    until_run_ends: Name | None = None,
+    start_timeout: Timeout = 600.0,
 ) -> None:
     """Route messages between the processes of a run until Ctrl-C.
 

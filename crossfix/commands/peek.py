@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from crossfix.commands import ENDPOINT
+from crossfix.commands import ENDPOINT, Count
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,7 +26,7 @@ def peek(
     *,
     connect: str = ENDPOINT,
     run: str = "*",
-    count: int | None = None,
+    count: Count | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
     """Print messages as they pass, until Ctrl-C.
@@ -87,9 +87,10 @@ def _as_text(value: object) -> str:
 
 
 def _expression(run: str, key: str) -> str:
-    from schemas.keys import PREFIX
+    from schemas.keys import PREFIX, require_id
 
-    return key if key.startswith("crossfix/") else f"{PREFIX}/{run}/{key}"
+    name = run if run == "*" else require_id(run)
+    return key if key.startswith("crossfix/") else f"{PREFIX}/{name}/{key}"
 
 
 def _first(count: int | None, inbox: Inbox[Sample]) -> Iterator[Sample]:

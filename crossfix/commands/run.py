@@ -8,6 +8,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from crossfix.commands import Name, Rate, Seconds, Timeout
+
 
 @Parameter(name="*")
 @dataclass(frozen=True)
@@ -32,17 +34,17 @@ class RunOptions:
         json: print the table as JSON on stdout.
     """
 
-    rate: str = "max"
+    rate: Rate = "max"
     output: Annotated[Path | None, Parameter(alias="-o")] = None
     seed: int | None = None
     overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative=())] = ()
-    name: str | None = None
+    name: Name | None = None
     connect: str | None = None
     data: Path | None = None
-    start_timeout: float = 30.0
-    step_timeout: float = 10.0
-    max_loss: float = 0.25
-    delay: float = 0.0
+    start_timeout: Timeout = 30.0
+    step_timeout: Timeout = 10.0
+    max_loss: Seconds = 0.25
+    delay: Seconds = 0.0
     verify: Annotated[bool, Parameter(negative=())] = False
     report: Annotated[bool, Parameter(negative=())] = False
     json: Annotated[bool, Parameter(negative=())] = False

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from crossfix.commands import ENDPOINT
+from crossfix.commands import ENDPOINT, Name, Rate, Timeout
 
 
 def world(
@@ -15,12 +15,12 @@ def world(
     /,
     *,
     connect: str = ENDPOINT,
-    run: str | None = None,
-    rate: str = "max",
+    run: Name | None = None,
+    rate: Rate = "max",
     overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative=())] = (),
     data: Path | None = None,
-    start_timeout: float = 600.0,
-    step_timeout: float = 10.0,
+    start_timeout: Timeout = 600.0,
+    step_timeout: Timeout = 10.0,
 ) -> int:
     """Publish the truth of a scenario and grant its steps, once everybody is there.
 

@@ -34,7 +34,10 @@ def write_page(recording: Path, output: Path) -> Figures:
         output.write_text(html_page(story, series, figures), encoding="utf-8")
     except OSError as error:
         raise CrossfixError(
-            "cannot write the report", where=str(output), got=error.strerror
+            "cannot write the report",
+            where=str(output),
+            got=error.strerror,
+            expected="--output elsewhere",
         ) from error
     return figures
 

@@ -42,7 +42,8 @@ def test_a_command_line_that_means_nothing_is_explained(
 ) -> None:
     shown = crossfix(*line)
     assert shown.code == BAD_USE
-    assert "Error" in shown.err
+    assert len(shown.err.splitlines()) == 1
+    assert shown.err.startswith("error: ")
 
 
 def test_an_error_of_the_user_is_one_line_and_its_exit_code(
