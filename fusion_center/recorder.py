@@ -5,9 +5,12 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from queue import SimpleQueue
 from types import TracebackType
+from typing import NamedTuple, Protocol
 
 import msgspec
 
@@ -19,19 +22,29 @@ from schemas.bus.member import Member
 from schemas.bus.recovery import Gap, Recovery
 from schemas.bus.roster import Life
 from schemas.errors import RecordingError, WireError
-from schemas.messages import DeclaredScenario, Statistics, Step, TruthScenario
+from schemas.messages import (
+    Closed,
+    DeclaredScenario,
+    KeyStatistics,
+    Statistics,
+    Step,
+    TruthScenario,
+)
 from schemas.recording.contents import RunEnd, RunHeader, hash_of, run_attachments
 from schemas.recording.fingerprint import installed_versions, numeric_fingerprint
-from schemas.recording.writer import RecordingWriter
+from schemas.recording.parts import ONE_FILE, Limits, PartedWriter, Safety
+from schemas.recording.writer import Counts
 
 from .counts import MAX_COUNT, UNKNOWN, StreamCounts
 from .lives import Lives
+from .recorded_keys import EVERYTHING, MAX_ROWS, OTHERS, Row, Rows, Wanted
 from .screening import Screen, Screened, Source, source_of
 
 log = logging.getLogger("recorder")
 
 PUMP_S = 0.05
 STATISTICS_S = 1.0
+QUEUE_BYTES = 256 * 1024 * 1024
 HOLD_BACK_BYTES = 16 * 1024 * 1024
 """A queue longer than this holds back the acknowledgement of the fusion centre."""
 FINISH_S = 10.0
@@ -39,8 +52,57 @@ PATIENCE_S = 30.0
 """Nobody waits for a gap in a recording, so it is asked for as long as its owner may have it."""
 
 
+class Sink(Protocol):
+    """What a recording is written by: `RecordingWriter`, or `PartedWriter`."""
+
+    @property
+    def counts(self) -> Counts:
+        """As of now."""
+
+    @property
+    def unwritten(self) -> Counter[str]:
+        """Of the messages taken, those that the disk then did not take, by key."""
+
+    def write(
+        self,
+        key: str,
+        payload: bytes,
+        encoding: str,
+        *,
+        log_time_ns: int,
+        publish_time_ns: int,
+        sequence: int,
+    ) -> None:
+        """Record a sample."""
+
+    def write_statistics(self, statistics: Statistics) -> None:
+        """Record the recorder's own counts."""
+
+    def tick(self, now_s: float) -> None:
+        """Flush what has waited long enough."""
+
+    def close(self, end: RunEnd) -> None:
+        """Seal the file."""
+
+
+class How(NamedTuple):
+    """How a run is recorded.
+
+    Attributes:
+        limits: when the file is full; safety: what a crash may cost; wanted: which keys.
+    """
+
+    limits: Limits = ONE_FILE
+    safety: Safety = Safety()
+    wanted: Wanted = EVERYTHING
+
+
 def record_run(
-    member: Member, path: Path, max_loss_s: float, timeout_s: float
+    member: Member,
+    path: Path,
+    max_loss_s: float,
+    timeout_s: float,
+    how: How = How(),  # noqa: B008 - a constant
 ) -> tuple[Recorder, DeclaredScenario]:
     """Begin the recording of a run, as soon as its world is there; the declared scenario with it.
 
@@ -55,44 +117,95 @@ def record_run(
     hidden = fetch(bus, keys.TRUTH_SCENARIO, run, timeout_s=timeout_s)
     scenario = codec.decode(DeclaredScenario, latched.payload, latched.encoding)
     truth = codec.decode(TruthScenario, hidden.payload, hidden.encoding)
-    config = msgspec.json.encode(scenario.fusion)
+    safety = how.safety._replace(max_loss_s=max_loss_s)
+    recorder = begin(member, path, how._replace(safety=safety), scenario, truth)
+    recorder.start(latched, hidden)
+    return recorder, scenario
+
+
+def begin(
+    member: Member,
+    path: Path,
+    how: How,
+    scenario: DeclaredScenario | None,
+    truth: TruthScenario | None,
+) -> Recorder:
+    """A recorder with its file; `start` sets it to work.
+
+    Raises:
+        RecordingError: the file exists or cannot be written.
+    """
+    config = msgspec.json.encode(scenario.fusion) if scenario else b""
     header = RunHeader(
-        run=run,
-        scenario=scenario.name,
-        config_hash=hash_of(config),
+        run=member.run,
+        scenario=scenario.name if scenario else "",
+        config_hash=hash_of(config) if scenario else "",
         created_ns=time.time_ns(),
         versions=installed_versions(),
         fingerprint=numeric_fingerprint(),
     )
-    attachments = run_attachments(scenario, truth, config)
-    writer = RecordingWriter(path, header, attachments=attachments, max_loss_s=max_loss_s)
-    recorder = Recorder(member, writer, scenario)
-    recorder.start(latched, hidden)
-    return recorder, scenario
+    attachments = run_attachments(scenario, truth, config) if scenario else []
+    writer = PartedWriter(
+        path, header, attachments=attachments, limits=how.limits, safety=how.safety
+    )
+    return Recorder(member, writer, scenario, how.wanted)
+
+
+class Queue(Inbox[Sample]):
+    """An inbox that knows of which keys it has dropped samples."""
+
+    def __init__(self, max_bytes: int) -> None:
+        super().__init__(max_bytes)
+        self.dropped: Counter[str] = Counter()
+
+    def on_drop(self, item: Sample) -> None:
+        """Count it."""
+        known = item.key in self.dropped or len(self.dropped) < MAX_ROWS
+        self.dropped[item.key if known else OTHERS] += 1
 
 
 class Recorder:
     """Writes samples in order of arrival; gaps are fetched from their owners.
 
+    At the first error of the disk it says so, goes on to count, and writes no more.
+
+    Args:
+        scenario: what the run is of; without one anything may be of it, and the log time is that of
+            the wall clock until a world counts steps.
+        wanted: which keys.
+
     Attributes:
         lives: who takes part, entered by the fusion centre; what others say is recorded too, as
             far as there is room, but not missed.
+        paused: nothing is written meanwhile, and what passes is not missed later.
+        ended: the world has said that no step follows.
     """
 
-    def __init__(self, member: Member, writer: RecordingWriter, scenario: DeclaredScenario) -> None:
+    def __init__(
+        self,
+        member: Member,
+        writer: Sink,
+        scenario: DeclaredScenario | None,
+        wanted: Wanted = EVERYTHING,
+    ) -> None:
         self._member, self._writer = member, writer
-        self._inbox: Inbox[Sample] = Inbox(256 * 1024 * 1024)
-        self.lives = Lives(carrier.name for carrier in scenario.carriers)
+        self._inbox = Queue(QUEUE_BYTES)
+        self.lives = Lives(carrier.name for carrier in scenario.carriers) if scenario else Lives()
+        self.paused = self.ended = False
+        self.claimed: dict[StreamKey, int] = {}
         self._ledger = Ledger()
         self._screen = Screen(scenario, self.lives, self._ledger.forget)
         self._counts = StreamCounts(self.lives)
+        self._rows = Rows(wanted)
         self._recovery = Recovery(member.run, member.buses.data, self._inbox, PATIENCE_S)
-        self._clock_ns = scenario.epoch_ns
-        self._received = self._repeated = self._passed_over = self._gaps = 0
+        self._clock_ns = scenario.epoch_ns if scenario else time.time_ns()
+        self._has_steps = scenario is not None
+        self._taken = self._repeated = self._passed_over = self._unwritten = self._gaps = 0
         self._statistics_s = float("-inf")
         self._finish_by_s = float("inf")
         self._expected: Mapping[StreamKey, int] = {}
         self._given_up: Sequence[Gap] = ()
+        self._orders: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._reason = "interrupted"
         self._error: RecordingError | None = None
         self._thread = threading.Thread(target=self._work, name="recorder")
@@ -126,19 +239,29 @@ class Recorder:
         """What ended the recording early."""
         return self._error
 
+    def order(self, action: Callable[[], None]) -> None:
+        """Have something done between two samples, by the thread that writes."""
+        self._orders.put(action)
+        self._inbox.wake()
+
     def counters(self) -> dict[str, int]:
-        """Counts for `health`; received = recorded + rejected + repeated + passed_over."""
+        """For `health`; received = recorded + rejected + repeated + passed_over + dropped."""
         return {
-            "received": self._received,
+            "received": self._taken + self._inbox.drops,
             "recorded": self._writer.counts.recorded,
             "bytes": self._writer.counts.bytes,
             "rejected": self._counts.rejected,
             "repeated": self._repeated,
             "passed_over": self._passed_over,
-            "dropped": self._inbox.drops,
+            "dropped": self._inbox.drops + self._unwritten,
             "fetched": self._recovery.fetched,
             "gaps": self._gaps,
+            "disk_errors": int(self._error is not None),
         }
+
+    def statistics(self) -> Statistics:
+        """Counts so far, of every key; exact for the thread that writes."""
+        return self._statistics(self._rows.statistics(self._inbox.dropped.copy()))
 
     def finish(
         self, reason: str, expected: Mapping[StreamKey, int], given_up: Sequence[Gap] = ()
@@ -156,57 +279,85 @@ class Recorder:
         self._recovery.close()
 
     def _work(self) -> None:
+        while not self._is_done():
+            samples = self._inbox.take(PUMP_S)
+            if not self._has_steps:
+                self._clock_ns = max(self._clock_ns, time.time_ns())
+            for sample in samples:
+                self._record(sample)
+            while not self._orders.empty():
+                self._watched(self._orders.get())
+            self._mind_the_gaps()
+            self._note_statistics()
+            self._watched(lambda: self._writer.tick(time.monotonic()))
+        self._watched(lambda: self._writer.close(self._end()))
+
+    def _watched(self, action: Callable[[], None]) -> None:
+        """Do something with the file; an error of the disk is the last of it."""
+        if self._error is not None:
+            return
         try:
-            while not self._is_done():
-                for sample in self._inbox.take(PUMP_S):
-                    self._record(sample)
-                self._mind_the_gaps()
-                self._note_statistics()
-                self._writer.tick(time.monotonic())
-            self._writer.close(self._end())
+            action()
         except RecordingError as error:
-            self._error = error
-            self._inbox.max_bytes = 0  # from here on arrivals are only counted
-            log.error("recording ended early: %s", error)
+            self._fail(error)
+
+    def _fail(self, error: RecordingError) -> None:
+        self._error = error
+        self._inbox.max_bytes = 0  # from here on arrivals are only counted
+        self._unwritten += self._writer.unwritten.total()
+        self._rows.lose(self._writer.unwritten)
+        log.error("recording ended early: %s", error)
 
     def _record(self, sample: Sample) -> None:
         """Write one sample; what cannot be recorded is counted with its reason."""
-        self._received += 1
-        try:
-            address = keys.parse(sample.key)
-        except WireError as error:
-            self._refuse(Source(UNKNOWN, UNKNOWN), error)
+        self._taken += 1
+        row = self._rows.row(sample.key)
+        row.received += 1
+        if self._error is not None:
+            row.dropped += 1
+            self._unwritten += 1
             return
-        if not address.topic.recorded:
+        try:
+            address = row.address or keys.parse(sample.key)
+        except WireError as error:
+            self._refuse(row, Source(UNKNOWN, UNKNOWN), error)
+            return
+        if not (row.wanted and (row.address or self._rows.wants(address, sample.key))):
+            row.passed_over += 1
             self._passed_over += 1
             return
         try:
-            self._write(sample, self._screen.admit(address, sample))
+            self._write(row, sample, self._screen.admit(address, sample))
         except WireError as error:
-            self._refuse(source_of(address), error)
+            self._refuse(row, source_of(address), error)
+        except RecordingError as error:
+            row.dropped += 1
+            self._unwritten += 1
+            self._fail(error)
 
-    def _refuse(self, source: Source, error: WireError) -> None:
+    def _refuse(self, row: Row, source: Source, error: WireError) -> None:
+        row.rejected += 1
         if self._counts.refuse(*source, str(error)):
             log.warning("not recorded: %s %s: %s", *source, error)
 
-    def _write(self, sample: Sample, screened: Screened) -> None:
+    def _write(self, row: Row, sample: Sample, screened: Screened) -> None:
         """Write a message unless it is here already.
 
         Raises:
             WireError: it cannot be accounted for, or written.
+            RecordingError: the disk fails.
         """
         message, stream, seq = screened.message, screened.stream, screened.seq
-        if seq:
-            if self._ledger.is_absurd(stream, seq):
-                raise WireError(f"seq jumps from {self._ledger.highest(stream)}", got=seq)
-            seen = self._ledger.note(stream, seq)
-            if seen is Seen.DUPLICATE:
-                self._repeated += 1
-                return
-            if seen is Seen.REFUSED:
-                raise WireError("more gaps in seq than can be remembered", got=seq)
-        if isinstance(message, Step):
-            self._clock_ns = max(self._clock_ns, message.t_ns)
+        if seq and self._is_repeated(stream, seq, sample.key):
+            row.repeated += 1
+            self._repeated += 1
+            return
+        if isinstance(message, Step | Closed):
+            self._heed(message, screened.address.topic)
+        if self.paused:
+            row.passed_over += 1
+            self._passed_over += 1
+            return
         self._writer.write(
             sample.key,
             sample.payload,
@@ -215,6 +366,33 @@ class Recorder:
             publish_time_ns=screened.t_ns,
             sequence=seq or getattr(message, "seq", 0) or getattr(message, "step", 0),
         )
+        row.recorded += 1
+
+    def _is_repeated(self, stream: StreamKey, seq: int, key: str) -> bool:
+        """Account for a message; whether it has been here.
+
+        Raises:
+            WireError: it cannot be accounted for.
+        """
+        highest = self._ledger.highest(stream)
+        if self._ledger.is_absurd(stream, seq):
+            raise WireError(f"seq jumps from {highest}", got=seq)
+        if not highest:
+            self._rows.bind(stream, key)
+        seen = self._ledger.note(stream, seq)
+        if seen is Seen.REFUSED:
+            raise WireError("more gaps in seq than can be remembered", got=seq)
+        return seen is Seen.DUPLICATE
+
+    def _heed(self, message: Step | Closed, topic: keys.Topic) -> None:
+        """Follow the time of the run and what a whole recording of it holds."""
+        if isinstance(message, Step):
+            self._clock_ns = max(self._clock_ns if self._has_steps else 0, message.t_ns)
+            self._has_steps = True
+            self.ended = self.ended or bool(message.ended)
+        elif topic is keys.CLOSED_FUSION:
+            for end in message.manifest:
+                self.claimed[StreamKey(end.carrier, end.boot, end.stream)] = end.last_seq
 
     def _mind_the_gaps(self) -> None:
         gaps = [gap for gap in self._ledger.gaps() if self._is_missed(gap[0])]
@@ -228,7 +406,9 @@ class Recorder:
     def _give_up(self, key: StreamKey, first: int, last: int) -> None:
         for start, end in self._ledger.missing(key, last):
             if end >= first:
-                self._gaps = min(MAX_COUNT, self._gaps + end - max(start, first) + 1)
+                missed = end - max(start, first) + 1
+                self._gaps = min(MAX_COUNT, self._gaps + missed)
+                self._rows.gap(key, missed)
                 log.warning("never had: %s %s %d..%d", key.process, key.stream, start, end)
         self._ledger.give_up(key, first, last)
 
@@ -240,29 +420,39 @@ class Recorder:
         if self._finish_by_s == float("inf") or len(self._inbox):
             return False
         whole = all(self._ledger.through(key) >= last for key, last in self._expected.items())
-        return whole or now_s > self._finish_by_s
+        return whole or self._error is not None or now_s > self._finish_by_s
 
     def _note_statistics(self) -> None:
         now_s = time.monotonic()
         if now_s - self._statistics_s < STATISTICS_S:
             return
         self._statistics_s = now_s
-        self._writer.write_statistics(
-            Statistics(
-                t_ns=self._clock_ns,
-                received=self._received,
-                recorded=self._writer.counts.recorded,
-                dropped=self._inbox.drops,
-                gaps=self._gaps,
-            )
+        self._tell()
+
+    def _tell(self) -> None:
+        statistics = self._statistics(self._rows.news(self._inbox.dropped.copy()))
+        self._watched(lambda: self._writer.write_statistics(statistics))
+
+    def _statistics(self, rows: list[KeyStatistics]) -> Statistics:
+        counters = self.counters()
+        return Statistics(
+            t_ns=self._clock_ns,
+            received=counters["received"],
+            recorded=counters["recorded"],
+            dropped=counters["dropped"],
+            gaps=counters["gaps"],
+            bytes=counters["bytes"],
+            disk_errors=counters["disk_errors"],
+            keys=rows,
         )
 
     def _end(self) -> RunEnd:
+        self._tell()
         return RunEnd(
             reason=self._reason,
-            received=self._received,
+            received=self._taken + self._inbox.drops,
             recorded=self._writer.counts.recorded,
-            dropped=self._inbox.drops,
+            dropped=self._inbox.drops + self._unwritten,
             gaps=self._gaps,
             rejected=self._counts.rejected,
             rejections=self._counts.rejections(),

@@ -47,6 +47,7 @@ class Inbox(Generic[T]):
         with self._ready:
             if self._bytes + size > self.max_bytes:
                 self.drops += 1
+                self.on_drop(item)
                 return
             self._items.append((item, size))
             self._bytes += size
@@ -61,6 +62,9 @@ class Inbox(Generic[T]):
             self._items.clear()
             self._bytes = 0
             return taken
+
+    def on_drop(self, item: T) -> None:
+        """Is told, under the lock, of every item dropped; to be overridden."""
 
     def wake(self) -> None:
         """End a waiting `take` early."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -108,6 +109,11 @@ class PartedWriter:
         self._gaps = self._repeated = self._began_ns = self._clock_ns = 0
         self._looked_s = float("-inf")
         self._writer = self._new_part()
+
+    @property
+    def unwritten(self) -> Counter[str]:
+        """Of the messages taken, those that the disk then did not take, by key."""
+        return self._writer.unwritten
 
     @property
     def counts(self) -> Counts:

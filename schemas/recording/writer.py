@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import TracebackType
@@ -58,6 +59,10 @@ class RecordingWriter:
     than `max_loss_s`. At the first error of the disk the file is sealed, RecordingError is raised
     once, and from then on messages are only counted as dropped.
 
+    Attributes:
+        error: what ended the recording early.
+        unwritten: of the messages taken, those that the disk then did not take, by key.
+
     Args:
         path: must not exist.
         attachments: besides the schemas of the wire.
@@ -82,11 +87,13 @@ class RecordingWriter:
     ) -> None:
         self.path = Path(path)
         self.error: RecordingError | None = None
+        self.unwritten: Counter[str] = Counter()
         self._max_loss_s = max_loss_s
         self._flushed_s = float("-inf")
         self._clock_ns = 0
         self._received = self._recorded = self._dropped = 0
-        self._pending = self._chunks = 0
+        self._pending: Counter[int] = Counter()
+        self._chunks = 0
         self._dirty = self._sealed = False
         self._before_end: int | None = None
         self._gaps = 0
@@ -137,7 +144,7 @@ class RecordingWriter:
         channel = self._channels.get((key, encoding)) or self._register(key, encoding)
         self._received += 1
         self._recorded += 1
-        self._pending += 1
+        self._pending[channel] += 1
         self._add(channel, log_time_ns, payload, publish_time_ns, sequence)
 
     def write_statistics(self, statistics: messages.Statistics) -> None:
@@ -274,7 +281,7 @@ class RecordingWriter:
         """A chunk that reached the file took all pending messages with it."""
         if self._file.chunks != self._chunks:
             self._chunks = self._file.chunks
-            self._pending = 0
+            self._pending.clear()
             self._dirty = False
 
     def _stop(self, error: OSError, *, whole: bool) -> NoReturn:
@@ -300,9 +307,12 @@ class RecordingWriter:
         return True
 
     def _drop_pending(self) -> None:
-        self._recorded -= self._pending
-        self._dropped += self._pending
-        self._pending = 0
+        topics = {number: key for (key, _), number in self._channels.items()}
+        for number, count in self._pending.items():
+            self.unwritten[topics[number]] += count
+        self._recorded -= self._pending.total()
+        self._dropped += self._pending.total()
+        self._pending.clear()
 
     def _seal(self, end: RunEnd) -> None:
         self._before_end = self._file.offset

@@ -15,6 +15,7 @@ import pytest
 from schemas import messages as m
 from schemas.errors import RecordingError
 from schemas.recording import record_file
+from schemas.recording.contents import schemas_attachment
 from schemas.recording.reader import open_recording
 from schemas.recording.writer import RecordingWriter
 from tests.schemas.recording.recordings import (
@@ -105,8 +106,8 @@ def holds_what_it_counts(path: Path, writer: RecordingWriter, stream: list[Writt
         return recording.end.reason
 
 
-HEADER_BYTES = 70_000
-WHOLE_BYTES = 146_000
+HEADER_BYTES = len(schemas_attachment().data) + 2_000
+WHOLE_BYTES = HEADER_BYTES + 76_000
 
 
 @pytest.mark.parametrize("room", range(HEADER_BYTES, WHOLE_BYTES, 1_703))
@@ -207,8 +208,10 @@ def test_a_real_full_disk(small_disk: Path) -> None:
 LIMITED = """
 import resource, sys
 from pathlib import Path
-resource.setrlimit(resource.RLIMIT_FSIZE, (90_000, 90_000))
-from tests.schemas.recording.test_disk_full import STREAM, holds_what_it_counts, record
+from tests.schemas.recording.test_disk_full import (
+    HEADER_BYTES, STREAM, holds_what_it_counts, record
+)
+resource.setrlimit(resource.RLIMIT_FSIZE, (HEADER_BYTES + 20_000, HEADER_BYTES + 20_000))
 path = Path(sys.argv[1])
 writer, errors = record(path, STREAM, reserve_bytes=1)
 print(len(errors), writer.counts.recorded, holds_what_it_counts(path, writer, STREAM))
