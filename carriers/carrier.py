@@ -15,6 +15,7 @@ from schemas.messages import (
     FeatureColumn,
     Navigation,
     Pose,
+    Ranging,
     SourceInfo,
     SourceReport,
     StreamEnd,
@@ -24,11 +25,14 @@ from schemas.messages import (
 from sim_world.clocks import stamp_ns
 from sim_world.logs import Logs
 from sim_world.navigation import declared_covariances, sail
+from sim_world.ranging import Measured, RangingDevice
 from sim_world.scenario import Scenario
+from sim_world.scenario.declared import origin_of
 from sim_world.scene import Stand, stand_of, targets_of
-from sim_world.sensors import Look, Sensor
-from sim_world.world import origin_of
+from sim_world.schedule import Look
+from sim_world.sensors import Sensor
 
+LIGHT_MPS = 299_792_458.0
 _UPPER = np.triu_indices(3)
 
 
@@ -99,11 +103,12 @@ class Carrier:
         self._voyage = sail(file, part, self._origin, scenario.declared.steps)
         self._covariance = declared_covariances(part.navigation, self._voyage, file.time.step_s)
         self._sensors = [Sensor(file, name, sensor) for sensor in part.sensors]
+        self._ranging = [RangingDevice(file, name, table) for table in part.ranging]
 
     def step(
         self, targets: TruthTargets, carriers: TruthCarriers, stamp: Stamp
     ) -> Iterator[Outgoing]:
-        """Everything the carrier says at one step: sources once, navigation, reports due.
+        """Everything the carrier says at one step: sources once, navigation, ranges, reports due.
 
         Raises:
             ValueError: targets and carriers are of different steps, or this one is not in them.
@@ -115,6 +120,11 @@ class Carrier:
         if stamp.begins(now.step):
             yield from self._sources(now)
         yield Outgoing(keys.NAVIGATION, (self.name,), self._navigation(now))
+        for device in self._ranging:
+            for look in device.due(now.step):
+                for measured in device.measure(look, now.step, carriers):
+                    message = self._range(device, look, measured, now)
+                    yield Outgoing(keys.RANGING, (self.name,), message)
         scene = targets_of(targets)
         for sensor in self._sensors:
             for look in sensor.due(now.step):
@@ -163,6 +173,24 @@ class Carrier:
         return SourceReport(
             **self._envelope(sensor.name, now, measured_ns, sensor.errors.clock_s),
             **_columns(sensor, logs),
+        )
+
+    def _range(self, device: RangingDevice, look: Look, measured: Measured, now: _Now) -> Ranging:
+        """A range at the instant it was taken; light is on its way there and back, or once."""
+        kind = device.table.kind
+        envelope = self._envelope("ranging", now, now.t_ns + look.after_step_ns)
+        received_ns = envelope["t_ns"]
+        light_s = measured.value_m / LIGHT_MPS * (2 if kind == "two_way" else 1)
+        sent_ns = max(received_ns - round(light_s * 1e9), 0)
+        return Ranging(
+            **envelope,
+            peer=measured.peer,
+            kind=kind,
+            value_m=measured.value_m,
+            sigma_m=measured.sigma_m,
+            reference=measured.reference or None,
+            t_tx_ns=0 if measured.reference else sent_ns,
+            t_rx_ns=0 if measured.reference else received_ns,
         )
 
     def _envelope(

@@ -17,13 +17,7 @@ from .scenario.declared import CLASS_FEATURE, properties
 from .scenario.file import FeatureReports, ScenarioFile
 from .scenario.file import Sensor as SensorTable
 from .scene import TURN_RAD, Polar, Stand, Targets, polar
-
-
-class Look(NamedTuple):
-    """One report that is due: its number since the start, and when, after the step (<= 0)."""
-
-    number: int
-    after_step_ns: int
+from .schedule import Look, looks
 
 
 class SystematicErrors(NamedTuple):
@@ -73,11 +67,8 @@ class Sensor:
 
     def due(self, step: int) -> list[Look]:
         """The reports after the step before, up to this one."""
-        period, phase = round(self.table.period_s * 1e9), round(self.table.phase_s * 1e9)
-        now = step * self._step_ns
-        first = max((now - self._step_ns - phase) // period + 1, 0)
-        last = (now - phase) // period
-        return [Look(n, phase + n * period - now) for n in range(first, last + 1)]
+        table = self.table
+        return looks(step, self._step_ns, period_s=table.period_s, phase_s=table.phase_s)
 
     def observe(self, look: Look, stand: Stand, targets: Targets) -> Logs:
         """The logs of one look, in order of their bearings."""

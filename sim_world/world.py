@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-from math import radians
-
 import numpy as np
 
-from estimation.frames import Site
 from schemas.messages import TruthCarriers, TruthTargets
 
 from .motion import Kinematics, Path, Paths
 from .navigation import sail
 from .scenario import Scenario
 from .scenario.checks import feature_names
-from .scenario.file import ScenarioFile
+from .scenario.declared import origin_of
 from .targets import plan_targets
 from .tracks_csv import Recordings
-
-
-def origin_of(file: ScenarioFile) -> Site:
-    """Where the axes of a scenario touch the ellipsoid."""
-    origin = file.origin
-    return Site(radians(origin.latitude_deg), radians(origin.longitude_deg), origin.altitude_m)
 
 
 class World:

@@ -53,7 +53,13 @@ from .outputs import (
     Track,
     Tracks,
 )
-from .scenario import DeclaredBeacon, DeclaredCarrier, DeclaredScenario, Origin
+from .scenario import (
+    DeclaredBeacon,
+    DeclaredCarrier,
+    DeclaredRanging,
+    DeclaredScenario,
+    Origin,
+)
 from .truth import TruthCarriers, TruthScenario, TruthTargets
 
 __all__ = [
@@ -72,6 +78,7 @@ __all__ = [
     "Correction",
     "DeclaredBeacon",
     "DeclaredCarrier",
+    "DeclaredRanging",
     "DeclaredScenario",
     "Direction",
     "Event",

@@ -13,6 +13,7 @@ from schemas.keys import RESERVED_PROCESSES, RESERVED_STREAMS
 from .declared import CLASS_FEATURE
 from .file import EARLIEST, Carrier, ScenarioFile, Sensor, TargetGroup
 from .motions import AnyMotion, ConstantAcceleration, CoordinatedTurn, TrackFile, Waypoints
+from .ranging import Ranging
 from .validation import key_of, nearest
 
 Path = tuple[str | int, ...]
@@ -80,6 +81,10 @@ def _names(file: ScenarioFile) -> Iterator[Problem]:
     yield from _unique(("tracks",), [t.name for t in file.tracks])
     yield from _unique(("targets",), [t.identity for t in file.targets], "identity")
     carriers = [c.name for c in file.carriers]
+    yield from _unique(("beacons",), [b.name for b in file.beacons])
+    for n, beacon in enumerate(file.beacons):
+        if beacon.name in carriers:
+            yield Problem(("beacons", n, "name"), "a carrier's", beacon.name, "a name of its own")
     own = file.fusion.get("own", carriers[0])
     if own not in carriers:
         yield Problem(("fusion", "own"), "no such carrier", own, nearest(str(own), carriers))
@@ -107,6 +112,27 @@ def _carrier(file: ScenarioFile, carrier: Carrier, path: Path) -> Iterator[Probl
         yield from _coordinates(sensor, inner)
         yield from _limits(sensor, inner)
         yield from _descriptions(file, sensor, inner)
+    yield from _unique((*path, "ranging"), [table.kind for table in carrier.ranging], "kind")
+    for n, table in enumerate(carrier.ranging):
+        yield from _ranging(file, carrier, table, (*path, "ranging", n))
+
+
+def _ranging(file: ScenarioFile, carrier: Carrier, table: Ranging, path: Path) -> Iterator[Problem]:
+    """Whom it ranges to must be there, each once, and a difference needs two."""
+    others = [c.name for c in file.carriers if c.name != carrier.name]
+    known = [*(b.name for b in file.beacons), *others]
+    for n, name in enumerate(table.to):
+        if name not in known:
+            yield Problem((*path, "to"), "no beacon or other carrier", name, nearest(name, known))
+        elif name in table.to[:n]:
+            yield Problem((*path, "to"), "given twice", name, "each peer once")
+    if table.kind == "difference" and len(table.to) < 2:
+        yield Problem((*path, "to"), "no difference", table.to, "a reference and another peer")
+    if table.outlier_m[0] > table.outlier_m[1]:
+        yield Problem((*path, "outlier_m"), "upside down", list(table.outlier_m), "[least, most]")
+    clock = table.sigma_clock_m or table.sigma_clock_drift_mps
+    if table.kind != "pseudorange" and clock:
+        yield Problem((*path, "sigma_clock_m"), "it has no clock in it", clock, "no such key")
 
 
 def _reserved(name: str, reserved: Iterable[str], path: Path) -> Iterator[Problem]:

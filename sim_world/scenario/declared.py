@@ -5,8 +5,14 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from math import floor, radians
 
+import numpy as np
+
+from estimation.arrays import Array
+from estimation.frames import Site, geodetic_from_enu, on_surface
 from schemas.messages import (
+    DeclaredBeacon,
     DeclaredCarrier,
+    DeclaredRanging,
     DeclaredScenario,
     FeatureInfo,
     Origin,
@@ -14,7 +20,9 @@ from schemas.messages import (
     SourceProperties,
 )
 
+from ..noise import generator
 from .file import Carrier, ScenarioFile, Sensor
+from .ranging import Beacon, Ranging
 
 CLASS_FEATURE = "class"
 """Name under which a source declares the confusion of the classes it reports."""
@@ -36,6 +44,7 @@ def declare(file: ScenarioFile) -> DeclaredScenario:
         steps=floor(file.time.duration_s * 1e9 / step_ns + 1e-6),
         max_clock_error_s=file.time.max_clock_error_s,
         carriers=[_carrier(file, carrier) for carrier in file.carriers],
+        beacons=[_beacon(file, beacon) for beacon in file.beacons],
         fusion=file.fusion,
     )
 
@@ -47,13 +56,69 @@ def unix_ns(instant: datetime) -> int:
 
 
 def _carrier(file: ScenarioFile, carrier: Carrier) -> DeclaredCarrier:
+    prior = carrier.navigation
     return DeclaredCarrier(
         name=carrier.name,
-        sigma_position_m=carrier.navigation.sigma_position_m,
-        sigma_north_rad=radians(carrier.navigation.sigma_north_deg),
-        sigma_clock_s=carrier.navigation.sigma_clock_s,
+        sigma_position_m=prior.sigma_position_m,
+        sigma_north_rad=radians(prior.sigma_north_deg),
+        sigma_clock_s=prior.sigma_clock_s,
+        sigma_north_drift_rad_per_sqrt_s=radians(prior.sigma_north_drift_deg_per_sqrt_h) / 60,
+        sigma_speed_mps=prior.sigma_speed_mps,
+        sigma_current_mps=prior.sigma_current_mps,
+        sigma_log_noise_mps=prior.sigma_log_noise_mps,
+        sigma_compass_noise_rad=radians(prior.sigma_compass_noise_deg),
         sources={sensor.name: properties(file, sensor) for sensor in carrier.sensors},
+        ranging=[_ranging(table) for table in carrier.ranging],
         use_corrections=carrier.use_corrections,
+    )
+
+
+def _ranging(table: Ranging) -> DeclaredRanging:
+    return DeclaredRanging(
+        kind=table.kind,
+        to=table.to,
+        period_s=table.period_s,
+        sigma_m=table.sigma_m,
+        sigma_range_bias_m=table.sigma_range_bias_m,
+        sigma_range_scale=table.sigma_range_scale,
+        sigma_clock_m=table.sigma_clock_m,
+        sigma_clock_drift_mps=table.sigma_clock_drift_mps,
+    )
+
+
+def origin_of(file: ScenarioFile) -> Site:
+    """Where the axes of a scenario touch the ellipsoid."""
+    origin = file.origin
+    return Site(radians(origin.latitude_deg), radians(origin.longitude_deg), origin.altitude_m)
+
+
+def beacon_place_m(file: ScenarioFile, beacon: Beacon) -> Array:
+    """Where a beacon truly is (3,), in the axes of the scenario's origin."""
+    return on_surface(origin_of(file), beacon.east_m, beacon.north_m, beacon.altitude_m)
+
+
+def beacon_error(file: ScenarioFile, beacon: Beacon) -> Array:
+    """Declared less true place (3,) of a beacon, as given in the file or drawn from its sigmas."""
+    given = (beacon.errors.east_m, beacon.errors.north_m, beacon.errors.up_m)
+    sigmas = (beacon.sigma_position_m, beacon.sigma_position_m, beacon.sigma_altitude_m)
+    draws = generator(file.seed, "beacon", beacon.name, "errors").standard_normal(3)
+    error = [
+        sigma * draw if value is None else value
+        for sigma, draw, value in zip(sigmas, draws, given, strict=True)
+    ]
+    return np.array(error) * file.errors.enabled
+
+
+def _beacon(file: ScenarioFile, beacon: Beacon) -> DeclaredBeacon:
+    declared = beacon_place_m(file, beacon) + beacon_error(file, beacon)
+    latitude, longitude, altitude = geodetic_from_enu(origin_of(file), declared)
+    return DeclaredBeacon(
+        name=beacon.name,
+        latitude_rad=float(latitude),
+        longitude_rad=float(longitude),
+        altitude_m=float(altitude),
+        sigma_position_m=beacon.sigma_position_m,
+        sigma_altitude_m=beacon.sigma_altitude_m,
     )
 
 

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carriers.carrier import Carrier, Outgoing, Stamp
+from carriers.carrier import LIGHT_MPS, Carrier, Outgoing, Stamp
 from estimation.frames import Site, enu_from_geodetic, site_at
 from schemas import codec, keys
-from schemas.messages import Navigation, SourceInfo, SourceReport
+from schemas.messages import Navigation, Ranging, SourceInfo, SourceReport
 from sim_world.scenario import Scenario, with_overrides
-from sim_world.world import World, origin_of
+from sim_world.scenario.declared import origin_of
+from sim_world.world import World
 from tests.sim_world.scenes import Tree, carrier, radar, scenario, target
 
 TURN_RAD = 2 * math.pi
@@ -249,6 +250,27 @@ def test_classes_and_features_are_told_with_what_they_are_worth() -> None:
         told = [v is not None for v in lengths.values]
         assert told == [name is not None for name in report.identity]  # clutter: no population
         assert set(lengths.sigmas) == {4.0}
+
+
+def test_ranges_are_stamped_by_the_clock_of_the_carrier_and_light_takes_its_time() -> None:
+    beacon: Tree = {"name": "north", "east_m": 1_000.0, "north_m": 9_000.0}
+    kinds = ("two_way", "pseudorange")
+    own = carrier(
+        "own",
+        navigation=PRIOR,
+        ranging=[{"kind": kind, "to": ["north"], "sigma_m": 5.0} for kind in kinds],
+    )
+    made = scenario([own], beacons=[beacon])
+    heard = of(Ranging, said(made))
+    _, truth = World(made).step(heard[0].step)
+    assert [one.kind for one in heard[:2]] == list(kinds)
+    assert [one.seq for one in heard] == list(range(1, len(heard) + 1))
+    for one, ways in zip(heard[:2], (2, 1), strict=True):
+        assert one.t_ns == truth.t_ns + round(truth.clock_offset_s[0] * 1e9)
+        assert one.t_rx_ns == one.t_ns
+        assert one.t_rx_ns - one.t_tx_ns == pytest.approx(
+            ways * one.value_m / LIGHT_MPS * 1e9, abs=1
+        )
 
 
 def test_truth_of_different_steps_is_refused() -> None:

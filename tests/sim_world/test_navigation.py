@@ -7,8 +7,8 @@ from msgspec.structs import replace
 from estimation.frames import site_at, target_from_source, wrap_pi, yaw_rad
 from sim_world.navigation import declared_covariances, frame_error, sail
 from sim_world.scenario import with_overrides
+from sim_world.scenario.declared import origin_of
 from sim_world.scenario.file import ScenarioFile
-from sim_world.world import origin_of
 from tests.sim_world.scenes import Tree, carrier, scenario
 
 MINUTES = 20

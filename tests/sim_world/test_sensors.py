@@ -13,9 +13,11 @@ from estimation.frames import Site, site_at, target_from_source
 from schemas.messages import TruthCarriers, TruthTargets
 from sim_world.logs import Logs
 from sim_world.scenario import Scenario
+from sim_world.scenario.declared import origin_of
 from sim_world.scene import stand_of, targets_of
-from sim_world.sensors import Look, Sensor, systematic_errors
-from sim_world.world import World, origin_of
+from sim_world.schedule import Look
+from sim_world.sensors import Sensor, systematic_errors
+from sim_world.world import World
 from tests.sim_world.scenes import Tree, carrier, radar, scenario, target
 
 SHARP: Tree = {"sigma_bearing_deg": 1e-9, "sigma_range_m": 1e-6}
