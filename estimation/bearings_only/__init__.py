@@ -1,0 +1,50 @@
+"""Trajectories from bearings (paper 001)."""
+
+from estimation.bearings_only.bound import cramer_rao
+from estimation.bearings_only.fitting import maximum_likelihood
+from estimation.bearings_only.measurements import Bearings, bearings
+from estimation.bearings_only.motions import (
+    CONSTANT_ACCELERATION,
+    CONSTANT_JERK,
+    CONSTANT_VELOCITY,
+    FAMILY,
+    FINITE_TURN,
+    STRAIGHT_ACCELERATED,
+    THREE_LEGS,
+    TURN_RATE,
+    TWO_LEGS,
+    Motion,
+    polynomial,
+)
+from estimation.bearings_only.prior import MotionPrior
+from estimation.bearings_only.seeds import (
+    SeedTrack,
+    chebyshev_first,
+    chebyshev_second,
+    n_bearings,
+    n_polynomials,
+)
+
+__all__ = [
+    "CONSTANT_ACCELERATION",
+    "CONSTANT_JERK",
+    "CONSTANT_VELOCITY",
+    "FAMILY",
+    "FINITE_TURN",
+    "STRAIGHT_ACCELERATED",
+    "THREE_LEGS",
+    "TURN_RATE",
+    "TWO_LEGS",
+    "Bearings",
+    "Motion",
+    "MotionPrior",
+    "SeedTrack",
+    "bearings",
+    "chebyshev_first",
+    "chebyshev_second",
+    "cramer_rao",
+    "maximum_likelihood",
+    "n_bearings",
+    "n_polynomials",
+    "polynomial",
+]

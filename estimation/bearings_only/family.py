@@ -1,0 +1,92 @@
+"""A target of unknown motion: every motion of a family with its posterior weight."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.arrays import Array
+from estimation.bearings_only.criterion import Criterion, criterion
+from estimation.bearings_only.estimate import Estimate
+from estimation.bearings_only.fitting import begun, grid_of, lowest
+from estimation.bearings_only.linear_algebra import cholesky, log_determinant
+from estimation.bearings_only.measurements import Scene
+from estimation.bearings_only.motions import FAMILY, Motion
+from estimation.bearings_only.normal_equations import Loss, products
+from estimation.bearings_only.prior import MotionPrior, prior_rows
+
+
+_SECOND_ANGLES = (-1.6, -0.9, -0.4, 0.4, 0.9, 1.6)
+_SECOND_MIDDLES = (-0.8, -0.55, -0.3, -0.05, 0.2, 0.45, 0.7)
+_SECOND_LOG_DURATION = -1.9  # of half spans
+
+
+class Hypothesis(NamedTuple):
+    """One motion at its posterior maximum.
+
+    Attributes:
+        estimate: parameters and what bearings and prior say of them.
+        log_evidence: (B,) logarithm of the probability of the bearings under this motion, but for
+            a constant of all motions; -inf where the motion found no end.
+        effective: (B,) parameters that the bearings, not the prior, determine.
+        range_information: (M, M, B) without what the prior says of metres.
+    """
+
+    estimate: Estimate
+    log_evidence: Array
+    effective: Array
+    unaided: Array
+
+
+def hypotheses(
+    scene: Scene,
+    prior: MotionPrior,
+    motions: Sequence[Motion] = FAMILY,
+    loss: Loss | None = None,
+) -> list[Hypothesis]:
+    """Every motion fitted to every target."""
+    return [hypothesis(criterion(scene, motion, prior, loss)) for motion in motions]
+
+
+def hypothesis(problem: Criterion, grid: Array | None = None) -> Hypothesis:
+    """The posterior maximum of one motion and its evidence by Laplace's approximation.
+
+    Around the maximum the posterior is taken as Gaussian, log E = -cost / 2 + log |P| / 2 -
+    log |P + J'J| / 2 with P the information of the prior, all of it in homogeneous coordinates,
+    where the bearings are nearly linear.
+
+    Source: D. MacKay, Information Theory, Inference and Learning Algorithms, chapter 28.
+    """
+    end = lowest(problem, begun(problem, grid_of(problem.motion) if grid is None else grid))
+    assert problem.prior is not None
+    rows = prior_rows(problem.scene, problem.motion, problem.prior, end.p)
+    volume = products(rows.residual, rows.jacobian)[1]
+    of_bearings = problem.of_bearings(end.p)
+    h = problem.gauge(end.p)
+    gauge = h[:, None] * h[None, :]
+    log_evidence = (
+        -end.normal.cost
+        + log_determinant(cholesky(volume + gauge))
+        - log_determinant(cholesky(end.normal.matrix + gauge))
+    ) / 2
+    shapes = rows.only("shape")
+    unaided = of_bearings.matrix + products(shapes.residual, shapes.jacobian)[1]
+    estimate = Estimate(
+        problem.scene, problem.motion, end.p, end.normal.matrix, of_bearings.cost, end.converged
+    )
+    effective = np.einsum("ijb,jib->b", estimate.covariance, of_bearings.matrix)
+    ok = np.isfinite(log_evidence)
+    return Hypothesis(estimate, np.where(ok, log_evidence, -np.inf), effective, unaided)
+
+
+def second_turns(first: Array) -> Array:
+    """Shapes (6, G, B) of two turns, one of them as found (angle, middle, log duration; (3, B))."""
+    angles, middles = np.meshgrid(_SECOND_ANGLES, _SECOND_MIDDLES)
+    count, many = angles.size, first.shape[1]
+    second = np.stack([angles.ravel(), middles.ravel(), np.full(count, _SECOND_LOG_DURATION)])
+    second = np.broadcast_to(second[:, :, None], (3, count, many))
+    known = np.broadcast_to(first[:, None], (3, count, many))
+    before = second[1] < known[1]
+    return np.concatenate([np.where(before, second, known), np.where(before, known, second)])

@@ -1,0 +1,128 @@
+"""One motion fitted to many targets: starts, the descent from the best of them, the lowest end."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.arrays import Array
+from estimation.bearings_only.criterion import Criterion, criterion
+from estimation.bearings_only.estimate import Estimate
+from estimation.bearings_only.levenberg_marquardt import Minimum, minimised
+from estimation.bearings_only.measurements import Bearings, scene_of
+from estimation.bearings_only.motions import Motion
+from estimation.bearings_only.normal_equations import Loss, Normal
+from estimation.bearings_only.prior import prior_rows
+from estimation.bearings_only.starts import lines_of, misfit, ridge, scales_of, taubin
+
+_RANGE_QUANTILES = (-1.28, 0.0, 1.28)  # of the logarithm, in sigmas: ridge starts
+_TRIED, _FEW_STEPS = 16, 4  # starts from which a few steps are made
+_KEPT, _MANY_STEPS = 5, 40  # of these, the ones followed to the end
+_BLOCK = 512
+
+
+def maximum_likelihood(given: Bearings, motion: Motion, loss: Loss | None = None) -> Estimate:
+    """The most likely motion of a known kind, targets flattened to B.
+
+    Args:
+        given: bearings of one or many targets.
+        motion: such as `polynomial(2)`.
+        loss: None for Gaussian errors.
+
+    A geometry that determines nothing comes back with a very large sigma, never an exception.
+    """
+    scene = scene_of(given)
+    with np.errstate(all="ignore"):
+        ends = [
+            _descended(criterion(part, motion, loss=loss))
+            for part in (
+                scene.take(np.arange(i, min(i + _BLOCK, scene.targets)))
+                for i in range(0, scene.targets, _BLOCK)
+            )
+        ]
+    return Estimate(
+        scene,
+        motion,
+        np.concatenate([end.p for end in ends], axis=1),
+        np.concatenate([end.normal.matrix for end in ends], axis=2),
+        np.concatenate([end.normal.cost for end in ends]),
+        np.concatenate([end.converged for end in ends]),
+    )
+
+
+def _descended(problem: Criterion) -> Minimum:
+    return lowest(problem, begun(problem, grid_of(problem.motion)))
+
+
+def grid_of(motion: Motion) -> Array:
+    """The grid (P, G, 1) of a motion; one empty shape when it has none."""
+    count = len(motion.shape_names)
+    if not count:
+        return np.zeros((0, 1, 1))
+    return np.array(motion.grid, dtype=float)[..., None]
+
+
+def begun(problem: Criterion, grid: Array) -> Array:
+    """Starts (T, M, B), the best first: for every shape of a grid (P, G, 1 or B) the best one.
+
+    Each is tried without a range and, when there is a prior, with some.
+    """
+    scene, motion, prior = problem.scene, problem.motion, problem.prior
+    lines = lines_of(scene, motion, grid)
+    starts = [taubin(lines)]
+    if prior is not None:
+        scales = np.tile(scales_of(scene, motion, prior) + np.zeros(scene.targets), grid.shape[1])
+        for quantile in _RANGE_QUANTILES:
+            distance = scales[0] * np.exp(quantile * prior.sigma_log_range)
+            starts.append(ridge(lines, scales, distance))
+    if len(starts) == grid.shape[1] == 1:
+        return starts[0][None]
+    cost = np.stack([misfit(lines, start) + _before(problem, start) for start in starts])
+    cost = np.where(np.isfinite(cost), cost, np.inf)
+    every = np.stack(starts)
+    if grid.shape[1] > 1:
+        kind = np.argmin(cost, axis=0)[None]
+        cost = np.take_along_axis(cost, kind, axis=0)
+        every = np.take_along_axis(every, kind[:, None], axis=0)
+    cost = cost.reshape(-1, scene.targets)
+    every = np.swapaxes(every.reshape(len(every), motion.size, -1, scene.targets), 1, 2)
+    every = every.reshape(-1, motion.size, scene.targets)
+    return np.take_along_axis(every, np.argsort(cost, axis=0)[:, None], axis=0)
+
+
+def _before(problem: Criterion, p: Array) -> Array:
+    """What the prior says against starts (M, C), (C,)."""
+    if problem.prior is None:
+        return np.zeros(p.shape[1])
+    shapes = p.shape[1] // problem.scene.targets
+    scene = problem.scene.take(np.tile(np.arange(problem.scene.targets), shapes))
+    rows = prior_rows(scene, problem.motion, problem.prior, p).only("scale", "shape").residual
+    return np.einsum("rc,rc->c", rows, rows)
+
+
+def lowest(problem: Criterion, starts: Array) -> Minimum:
+    """The lowest end of descents from starts (T, M, B): a few steps from many, then the best."""
+    if len(starts) > 1:
+        starts, _ = _descended_from(problem, starts[:_TRIED], _FEW_STEPS)
+        starts = starts[:_KEPT]
+    _, end = _descended_from(problem, starts, _MANY_STEPS)
+    return end
+
+
+def _descended_from(problem: Criterion, starts: Array, steps: int) -> tuple[Array, Minimum]:
+    """Where some steps lead from each start, the lowest first, and the lowest of all."""
+    tries, size, many = starts.shape
+    flat = np.moveaxis(starts, 1, 0).reshape(size, tries * many)
+    wide = problem if tries == 1 else problem.take(np.tile(np.arange(many), tries))
+    end = minimised(wide, flat, steps)
+    cost = np.where(np.isfinite(end.normal.cost), end.normal.cost, np.inf).reshape(tries, many)
+    order = np.argsort(cost, axis=0)
+    ends = np.moveaxis(end.p.reshape(size, tries, many), 1, 0)
+    best = np.take_along_axis(ends, order[:, None], axis=0)
+    return best, taken(end, order[0] * many + np.arange(many))
+
+
+def taken(end: Minimum, columns: NDArray[np.int_]) -> Minimum:
+    """Some of the targets of a minimum."""
+    normal = Normal(*(part[..., columns] for part in end.normal))
+    return Minimum(end.p[:, columns], normal, end.converged[columns])
