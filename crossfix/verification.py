@@ -7,12 +7,15 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from hashlib import blake2b
-from itertools import chain, zip_longest
+from itertools import chain
 from typing import Any, NamedTuple
 
 import msgpack
 import msgspec
 
+from crossfix.diff import EXACT, Rules, changes, first_difference, unpacked
+from crossfix.making import is_torn
+from crossfix.refusing import AHEAD
 from fusion_center.fuse import Fusible, fuse
 from schemas import codec
 from schemas.bus.ledger import Ledger, StreamKey
@@ -20,10 +23,7 @@ from schemas.bus.spans import Spans
 from schemas.errors import RecordingError, WireError
 from schemas.keys import Role, parse
 from schemas.messages import Closed, Event, Input, Output, StreamSpan
-from schemas.recording.reader import Recording
-
-AHEAD = 500
-"""A gap that the recorder has filled stands in the file up to so many Closed messages late."""
+from schemas.recording.reader import Recorded, Recording
 
 
 class Place(NamedTuple):
@@ -52,12 +52,14 @@ class Comparison(NamedTuple):
     """What came of fusing a recording again.
 
     Attributes:
-        equal: outputs that came out byte for byte as recorded.
+        equal: outputs that came out as recorded: byte for byte, or within the rules.
+        close: of them, those that differ in bytes.
         beyond: outputs at the torn end of an unfinished recording that have no counterpart.
         difference: the first one, in the order of steps.
     """
 
     equal: int
+    close: int
     beyond: int
     difference: Difference | None
 
@@ -97,15 +99,18 @@ def missing_inputs(recording: Recording) -> list[StreamSpan]:
     ]
 
 
-def compare(recording: Recording) -> Comparison:
+def compare(recording: Recording, rules: Rules = EXACT) -> Comparison:
     """Fuse the inputs of a recording again and hold the outputs against the recorded ones.
 
     Of an unfinished recording, whose end is torn, the part that both sides have is compared.
 
+    Args:
+        rules: what counts as a difference; on another kind of machine 1e-9 does not.
+
     Raises:
         RecordingError: damaged, without outputs, or an input that was fused is not in it.
     """
-    comparing = _Comparing(recording)
+    comparing = _Comparing(recording, rules)
     try:
         for outputs in fuse(_fusibles(recording), centre=comparing.centre, ahead=AHEAD):
             for topic, ids, message in outputs:
@@ -121,14 +126,15 @@ def compare(recording: Recording) -> Comparison:
 class _Comparing:
     """The recorded outputs, as digests, taken away as the fused ones come in step order."""
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: Recording, rules: Rules) -> None:
         self.difference: Difference | None = None
-        self.is_torn = recording.end is None
+        self.is_torn = is_torn(recording)
+        self._rules = rules
         self._recording = recording
         self._recorded: dict[Place, _Kept] = {}
         centres = set[str]()
         for message in recording.messages(roles=(Role.OUTPUT,)):
-            step = msgspec.msgpack.decode(message.payload, type=_Head).step
+            step = _step_of(message)
             place = Place(message.key, message.sequence)
             self._recorded[place] = _Kept(step, _digest(message.payload))
             centres.add(message.address.ids["centre"])
@@ -137,7 +143,7 @@ class _Comparing:
             raise RecordingError("no outputs to compare", got=got, expected="one fusion centre's")
         self.centre = centres.pop()
         self._last_recorded = max(kept.step for kept in self._recorded.values())
-        self._last_fused = self._equal = self._beyond = 0
+        self._last_fused = self._equal = self._close = self._beyond = 0
 
     def take(self, key: str, fused: Output) -> None:
         """Compare the next output; after a difference nothing more is compared."""
@@ -153,11 +159,20 @@ class _Comparing:
         elif kept.digest == _digest(payload):
             self._equal += 1
         else:
-            recorded = self._payload(Place(key, fused.seq))
-            field, was, became = first_difference(
-                msgpack.unpackb(recorded), msgpack.unpackb(payload)
-            )
-            self.difference = Difference(key, fused.step, field, was, became)
+            self._compare(key, fused, payload)
+
+    def _compare(self, key: str, fused: Output, payload: bytes) -> None:
+        """Look into an output that differs in bytes."""
+        recorded = self._recorded_message(Place(key, fused.seq))
+        fused_again = msgpack.unpackb(payload)
+        found = next(changes(recorded, fused_again, self._rules), None)
+        if found is None and self._rules.are_exact:
+            found = first_difference(recorded, fused_again)
+        if found is None:
+            self._equal += 1
+            self._close += 1
+        else:
+            self.difference = Difference(key, fused.step, *found)
 
     def result(self) -> Comparison:
         """What has come of it, with what was recorded and never fused."""
@@ -167,35 +182,17 @@ class _Comparing:
             if self.is_torn and kept.step > self._last_fused:
                 self._beyond += 1
             else:
-                recorded = msgpack.unpackb(self._payload(place))
+                recorded = self._recorded_message(place)
                 self.difference = Difference(place.key, kept.step, "", recorded, None)
-        return Comparison(self._equal, self._beyond, self.difference)
+        return Comparison(self._equal, self._close, self._beyond, self.difference)
 
-    def _payload(self, place: Place) -> bytes:
+    def _recorded_message(self, place: Place) -> Any:
         topic = parse(place.key).topic
         return next(
-            message.payload
+            unpacked(message.payload, message.encoding)
             for message in self._recording.messages(topics=(topic,))
             if (message.key, message.sequence) == place
         )
-
-
-def first_difference(recorded: Any, fused: Any, path: str = "") -> tuple[str, Any, Any]:
-    """Path and both values of the first field in which two unpacked messages differ.
-
-    Where all fields are equal, and only their order or the width of a number differs, the path
-    ends in `(encoding)`.
-    """
-    if isinstance(recorded, dict) and isinstance(fused, dict):
-        pairs = [(f".{name}", recorded.get(name), fused.get(name)) for name in recorded | fused]
-    elif isinstance(recorded, list) and isinstance(fused, list):
-        pairs = [(f"[{n}]", *both) for n, both in enumerate(zip_longest(recorded, fused))]
-    else:
-        return path.removeprefix("."), recorded, fused
-    for name, was, became in pairs:
-        if msgpack.packb(was) != msgpack.packb(became):
-            return first_difference(was, became, path + name)
-    return f"{path} (encoding)".strip(" ."), recorded, fused
 
 
 def _fusibles(recording: Recording) -> Iterator[Fusible]:
@@ -224,6 +221,19 @@ def _given_up(closings: Sequence[Closed]) -> Mapping[StreamKey, Spans]:
 
 def _key(span: StreamSpan) -> StreamKey:
     return StreamKey(span.carrier, span.boot, span.stream)
+
+
+def _step_of(output: Recorded) -> int:
+    """The step an output belongs to.
+
+    Raises:
+        RecordingError: it is none.
+    """
+    try:
+        return msgspec.msgpack.decode(output.payload, type=_Head).step
+    except msgspec.MsgspecError as error:
+        where = f"{output.key}, seq {output.sequence}"
+        raise RecordingError(f"not an output: {error}", where=where) from None
 
 
 def _digest(payload: bytes) -> bytes:

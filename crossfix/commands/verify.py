@@ -21,6 +21,7 @@ def verify(
     /,
     *,
     refuse: Annotated[bool, Parameter(negative="")] = False,
+    tolerance: float = 0.0,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> int:
     """Check that a recording is whole, and that it reproduces its own outputs.
@@ -37,16 +38,23 @@ def verify(
         recording: the MCAP file.
         refuse: fuse the inputs again, in this process and without any network, and compare every
             output byte for byte with the recorded one.
+        tolerance: floats of outputs count as equal that differ by no more than this, of the larger
+            one where that is above 1; 1e-9 for a recording of another kind of machine.
         as_json: one JSON object instead of sentences.
     """
+    from crossfix.diff import Rules
+    from crossfix.making import is_torn
     from crossfix.verification import compare, missing_inputs
+    from schemas.errors import CrossfixError
     from schemas.recording.reader import open_recording
 
+    if not tolerance >= 0:
+        raise CrossfixError("--tolerance", got=tolerance, expected="a number, 0 or above")
     with open_recording(recording) as opened:
         opened.check()
         missing = missing_inputs(opened)
-        is_whole = not missing or opened.end is None
-        comparison = compare(opened) if refuse and is_whole else None
+        is_whole = not missing or is_torn(opened)
+        comparison = compare(opened, Rules(tolerance)) if refuse and is_whole else None
         notes = _notes(opened, comparison)
     show = _show_json if as_json else _show
     show(recording, missing, comparison, notes)
@@ -62,7 +70,9 @@ def _notes(recording: Recording, comparison: Comparison | None) -> list[str]:
         notes.append(recording.condition)
     if recording.end is None:
         notes.append("the recorder left no word about its end")
-    elif recording.end.dropped or recording.end.gaps:
+    elif recording.end.torn:
+        notes.append(recording.end.reason)
+    if recording.end and (recording.end.dropped or recording.end.gaps):
         notes.append(f"{recording.end.dropped} messages dropped, {recording.end.gaps} never had")
     if comparison and comparison.beyond:
         notes.append(f"{comparison.beyond} outputs at the torn end were not compared")
@@ -92,6 +102,9 @@ def _show(
 def _verdict(comparison: Comparison) -> str:
     difference = comparison.difference
     if difference is None:
+        if comparison.close:
+            near = f"{comparison.close} of them within the tolerance, the rest to the byte"
+            return f"fused again: {comparison.equal} outputs, all equal, {near}"
         return f"fused again: {comparison.equal} outputs, all equal to the byte"
     where = f"{difference.key}, step {difference.step}"
     if difference.recorded is None and not difference.field:

@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from crossfix.verification import first_difference
+from crossfix.diff import first_difference
 from schemas import keys
 from schemas.messages import StreamSpan
 from tests.crossfix.conftest import Crossfix
+from tests.crossfix.remade import remade
 from tests.crossfix.small_recording import (
     CORRECTION,
     REPORT,
@@ -173,3 +174,33 @@ def test_a_file_that_is_no_recording(path: Path, crossfix: Crossfix) -> None:
 )
 def test_first_difference(recorded: object, fused: object, difference: tuple) -> None:
     assert first_difference(recorded, fused) == difference
+
+
+def test_a_tolerance_takes_small_differences_for_none(path: Path, crossfix: Crossfix) -> None:
+    def alter(entry: Entry) -> Iterable[Entry]:
+        if (entry.key, entry.step) == (CORRECTION, 4):
+            axes = entry.message.own_axes
+            axes = replace(axes, north_m=axes.north_m * (1 + 1e-12))
+            return [entry._replace(message=replace(entry.message, own_axes=axes))]
+        return [entry]
+
+    record(path, alter)
+    assert crossfix("verify", path, "--refuse").code == 1
+    shown = crossfix("verify", path, "--refuse", "--tolerance", "1e-9")
+    assert shown.code == 0
+    assert "1 of them within the tolerance" in shown.out
+    assert crossfix("verify", path, "--refuse", "--tolerance", "1e-15").code == 1
+    assert crossfix("verify", path, "--refuse", "--tolerance", "-1").code == 2
+
+
+def test_outputs_that_are_none_are_an_error(path: Path, crossfix: Crossfix) -> None:
+    record(path)
+    bad = path.with_name("bad.mcap")
+
+    def spoil(message):
+        return [message._replace(payload=b"\xc1")] if message.key == CORRECTION else [message]
+
+    remade(path, bad, spoil)
+    shown = crossfix("verify", bad, "--refuse")
+    assert shown.code == 2
+    assert "not an output" in shown.err
