@@ -23,6 +23,7 @@ VERBS = (
     "verify",
     "refuse",
     "diff",
+    "recover",
     "replay",
     "peek",
     "bridge",
