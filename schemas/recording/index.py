@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections import Counter
+from collections.abc import Container
 from struct import Struct
 from struct import error as StructError  # noqa: N812 - a class, whatever it is called
 from typing import NamedTuple
@@ -36,7 +37,9 @@ from .records import (
 
 _FOOTER_BYTES = HEAD.size + 20
 _DATA_END_BYTES = HEAD.size + 4
-_CHUNK_INDEX = Struct("<QQQQ")
+_CHUNK_INDEX = Struct("<QQQQL")
+_ENTRY = Struct("<HQ")
+"""Channel, and where its message index is."""
 _CRC_BYTES = 4
 BLOCK_BYTES = 1024 * 1024
 RUN_MESSAGES = 1024
@@ -48,12 +51,19 @@ class Span(NamedTuple):
 
     Attributes:
         start_ns, end_ns: least and greatest log time in it.
+        channels: of its messages, as the index of a chunk has them; empty where there is none.
     """
 
     offset: int
     end: int
     start_ns: int
     end_ns: int
+    channels: bytes = b""
+
+    def is_only_of(self, numbers: Container[int]) -> bool:
+        """Whether no message of another channel can be in it."""
+        named = _ENTRY.iter_unpack(self.channels)
+        return bool(self.channels) and all(number in numbers for number, _ in named)
 
 
 class Index(NamedTuple):
@@ -200,8 +210,7 @@ class _Scan:
     def take_from_summary(self, opcode: int, body: bytes, offset: int) -> None:
         """One record of the summary."""
         if opcode == Opcode.CHUNK_INDEX:
-            start_ns, end_ns, at, length = _CHUNK_INDEX.unpack_from(body)
-            self._spans.append(Span(at, at + length, start_ns, end_ns))
+            self._spans.append(_span(body))
         elif opcode == Opcode.METADATA_INDEX:
             found = parse_body(self._source, MetadataIndex, body, offset)
             self._metadata.append(parse(self._source, Metadata, self._frame_at(found.offset)))
@@ -270,6 +279,19 @@ class _Scan:
         body = self._source.read(frame.body, min(frame.length, 6))
         if int.from_bytes(body[2:], "little") != frame.length - 6:
             raise self._source.damaged("no message index", frame.offset)
+
+
+def _span(body: bytes) -> Span:
+    """From a chunk index, without the dict that the library would make of each.
+
+    Raises:
+        struct.error: it is not whole.
+    """
+    start_ns, end_ns, at, length, size = _CHUNK_INDEX.unpack_from(body)
+    channels = body[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size]
+    if len(channels) != size or size % _ENTRY.size:
+        raise StructError("chunk index of another length")
+    return Span(at, at + length, start_ns, end_ns, channels)
 
 
 def data_crc(source: Source, index: Index) -> None:

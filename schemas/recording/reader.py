@@ -13,17 +13,25 @@ from hashlib import sha256
 from pathlib import Path
 from struct import error as StructError  # noqa: N812 - a class, whatever it is called
 from types import TracebackType
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 from mcap.opcode import Opcode
+from mcap.records import Channel
 
 from .. import codec, keys
 from .. import messages as m
 from ..errors import RecordingError, WireError
-from ..keys import Address, Role, Topic
+from ..keys import Role, Topic
 from .contents import END, RUN, SCENARIO, STATISTICS, Attachment, RunEnd, RunHeader, from_metadata
 from .index import Index, Span, data_crc, index_of
-from .recorded import Recorded, in_file_order, in_log_time_order
+from .recorded import (
+    Channels,
+    KnownChannel,
+    Recorded,
+    in_file_order,
+    in_log_time_order,
+    select,
+)
 from .records import RawMessage, Source, attachment, chunk_data, frames, unpacked
 from .summary import Summary, channel_summaries
 
@@ -100,17 +108,42 @@ class Recording:
             RecordingError: at the first damage, after all that lies before it.
         """
         wanted = self._wanted(topics, roles)
-        spans = [s for s in self.index.spans if s.start_ns < stop_ns and s.end_ns >= start_ns]
+        channels = dict.fromkeys(self.index.channels) | wanted
+        others = self.index.channels.keys() - wanted.keys()
+        times = [s for s in self.index.spans if s.start_ns < stop_ns and s.end_ns >= start_ns]
+        spans = [span for span in times if not span.is_only_of(others)]
         in_order = in_file_order if order == "file" else in_log_time_order
         count = 0
-        for message in in_order(spans, lambda span: self._in_span(span, wanted)):
+        for message in in_order(spans, lambda span: self._read(span, channels, start_ns, stop_ns)):
             count += 1
-            if start_ns <= message.log_time_ns < stop_ns:
-                yield message
+            yield message
         if self.index.damage is not None:
             raise self.index.damage
-        if len(spans) == len(self.index.spans):
+        if start_ns == 0 and stop_ns == _NEVER_NS:
             self._require_count(count, wanted)
+
+    def latched(self, before_ns: int, roles: Collection[Role] | None = None) -> list[Recorded]:
+        """The last value of every latched key before a log time, in the order they were recorded.
+
+        By the index, from there backwards: the rest of the file is not read.
+
+        Raises:
+            RecordingError: what has to be read is damaged.
+        """
+        wanted = self._wanted(None, roles)
+        missing = {n: known for n, known in wanted.items() if known.address.topic.latched}
+        found: dict[int, list[Recorded]] = {}
+        for span in sorted(self.index.spans, reverse=True):
+            if not missing:
+                break
+            others = self.index.channels.keys() - missing.keys()
+            if span.start_ns >= before_ns or span.is_only_of(others):
+                continue
+            channels = dict.fromkeys(self.index.channels) | missing
+            last = {m.key: m for m in self._read(span, channels, 0, before_ns)}
+            found[span.offset] = list(last.values())
+            missing = {n: known for n, known in missing.items() if known.key not in last}
+        return [message for offset in sorted(found) for message in found[offset]]
 
     def statistics(self) -> Iterator[m.Statistics]:
         """The recorder's counts over time."""
@@ -148,43 +181,38 @@ class Recording:
 
     def _wanted(
         self, topics: Collection[Topic] | None, roles: Collection[Role] | None
-    ) -> dict[int, _Channel]:
+    ) -> dict[int, KnownChannel]:
         """Channel id -> what its messages have in common, of the channels asked for."""
-        wanted = {}
-        for channel in self.index.channels.values():
-            address = _address(channel.topic)
-            if (
-                address is not None
-                and (topics is None or address.topic in topics)
-                and (roles is None or address.topic.role in roles)
-            ):
-                encoding = channel.metadata.get("encoding", channel.message_encoding)
-                wanted[channel.id] = _Channel(address, channel.topic, encoding)
-        return wanted
+        return {
+            number: known
+            for number, channel in self.index.channels.items()
+            if (known := known_channel(channel)) is not None
+            and (topics is None or known.address.topic in topics)
+            and (roles is None or known.address.topic.role in roles)
+        }
 
-    def _in_span(self, span: Span, wanted: Mapping[int, _Channel]) -> Iterator[Recorded]:
-        for number, sequence, log_time_ns, publish_time_ns, payload in self._raw(span):
-            channel = wanted.get(number)
-            if channel is not None:
-                address, key, encoding = channel
-                yield Recorded(
-                    address, key, payload, encoding, log_time_ns, publish_time_ns, sequence
-                )
-            elif number not in self.index.channels:
-                raise self._source.damaged(f"message on unknown channel {number}", span.offset)
-
-    def _raw(self, span: Span) -> list[RawMessage]:
-        frame = next(frames(self._source, span.offset), None)
-        if frame is not None and frame.opcode == Opcode.CHUNK and frame.end == span.end:
-            data = chunk_data(self._source, frame)
-        elif frame is not None and frame.opcode == Opcode.MESSAGE:
-            data = self._source.read(span.offset, span.end - span.offset)
-        else:
-            raise self._source.damaged("index points nowhere", span.offset)
+    def _read(self, span: Span, channels: Channels, start_ns: int, stop_ns: int) -> list[Recorded]:
         try:
-            return unpacked(data).messages
+            return select(self._data(span), channels, start_ns, stop_ns)
         except StructError as error:
             raise self._source.damaged(str(error), span.offset) from None
+        except KeyError as error:
+            raise self._source.damaged(f"message on unknown channel {error}", span.offset) from None
+
+    def _raw(self, span: Span) -> list[RawMessage]:
+        try:
+            return unpacked(self._data(span)).messages
+        except StructError as error:
+            raise self._source.damaged(str(error), span.offset) from None
+
+    def _data(self, span: Span) -> bytes:
+        """The records of a span."""
+        frame = next(frames(self._source, span.offset), None)
+        if frame is not None and frame.opcode == Opcode.CHUNK and frame.end == span.end:
+            return chunk_data(self._source, frame)
+        if frame is not None and frame.opcode == Opcode.MESSAGE:
+            return self._source.read(span.offset, span.end - span.offset)
+        raise self._source.damaged("index points nowhere", span.offset)
 
     def _require_count(self, count: int, wanted: Collection[int]) -> None:
         expected = sum(self.index.counts.get(channel, 0) for channel in wanted)
@@ -195,12 +223,6 @@ class Recording:
                 got=f"{count} messages",
                 expected=str(expected),
             )
-
-
-class _Channel(NamedTuple):
-    address: Address
-    key: str
-    encoding: str
 
 
 def open_recording(path: Path | str) -> Recording:
@@ -253,9 +275,11 @@ def summary(path: Path | str) -> Summary:
         )
 
 
-def _address(key: str) -> Address | None:
-    """A channel of someone else's has no address."""
+def known_channel(channel: Channel) -> KnownChannel | None:
+    """What its messages have in common; None for a channel of someone else's."""
     try:
-        return keys.parse(key)
+        address = keys.parse(channel.topic)
     except WireError:
         return None
+    encoding = channel.metadata.get("encoding", channel.message_encoding)
+    return KnownChannel(address, channel.topic, encoding)
