@@ -1,0 +1,139 @@
+"""The alignment as it grows: an extended Kalman filter of place and constants, epoch by epoch.
+
+The state is (place east, north[, heading error]; the free constants). It works from the first
+range; `align` smooths the same data about every second and is what should be published.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.arrays import Array
+from estimation.bordered import last_covariance
+from estimation.system_alignment.logs import DeadReckoning, Indices, Ranges
+from estimation.system_alignment.losses import Loss, huber
+from estimation.system_alignment.model import predicted_ranges
+from estimation.system_alignment.parameters import HEADING_BIAS, SPEED_SCALE, WIND, Prior
+from estimation.system_alignment.smoother import Alignment
+
+_ASIDE = np.array([1.0, -1.0])  # a quarter turn clockwise, of (north, east)
+_HOPELESS = 8.0  # sigmas of the prediction: a range so far off is not used at all
+
+
+class Filtered(NamedTuple):
+    """What the filter knows.
+
+    Attributes:
+        place: (b,) east, north [m] and, where it walks, the heading's error [rad].
+        theta: (7 + 4 J,) constants.
+        covariance: (b + T, b + T) of the place and the free constants.
+        time_s: of validity, since the start.
+        free: indices of the constants that are estimated.
+    """
+
+    place: Array
+    theta: Array
+    covariance: Array
+    time_s: float
+    free: Indices
+
+    @property
+    def theta_covariance(self) -> Array:
+        """(7 + 4 J, 7 + 4 J) of all constants; zeros where one is known."""
+        b, count = len(self.place), len(self.theta)
+        whole = np.zeros((count, count))
+        whole[np.ix_(self.free, self.free)] = self.covariance[b:, b:]
+        return whole
+
+
+def started(path: DeadReckoning, prior: Prior) -> Filtered:
+    """The filter at the known start."""
+    b = 3 if path.turns else 2
+    free = prior.free
+    place = np.zeros(b)
+    place[:2] = path.start_m
+    covariance = np.zeros((b + len(free), b + len(free)))
+    covariance[b:, b:] = prior.covariance[np.ix_(free, free)]
+    return Filtered(place, prior.mean.copy(), covariance, 0.0, free)
+
+
+def resumed(found: Alignment, time_s: float) -> Filtered:
+    """The filter where the smoother ended; the constants are free that were free there."""
+    place = found.solution.x[-1].copy()
+    return Filtered(place, found.theta, last_covariance(found.solution), time_s, found.prior.free)
+
+
+def predicted(state: Filtered, path: DeadReckoning, epoch: int) -> Filtered:
+    """The filter after a step of the dead reckoning, eqs 1 and 8."""
+    interval, theta, b = float(path.interval_s[epoch]), state.theta, len(state.place)
+    angle = theta[HEADING_BIAS] + (state.place[2] if b == 3 else 0.0)
+    sin, cos = np.sin(angle), np.cos(angle)
+    east, north = (1 + theta[SPEED_SCALE]) * path.travel_m[epoch]
+    travel = np.array([cos * east + sin * north, cos * north - sin * east])
+    aside = travel[::-1] * _ASIDE
+    whole = np.zeros((2, b + len(theta)))
+    whole[0, 0] = whole[1, 1] = 1
+    whole[0, b] = whole[1, b + 1] = interval
+    whole[:, b + SPEED_SCALE] = travel / (1 + theta[SPEED_SCALE])
+    whole[:, b + HEADING_BIAS] = aside
+    if b == 3:
+        whole[:, 2] = aside
+    moving = np.concatenate([whole[:, :b], whole[:, b + state.free]], axis=1)
+    covariance = state.covariance.copy()
+    if b == 3:
+        covariance[2, 2] += path.sigma_turn_rad[epoch] ** 2
+    tied = moving @ covariance
+    covariance[:2], covariance[:, :2] = tied, tied.T
+    covariance[:2, :2] = tied @ moving.T + path.covariance[epoch]
+    place = state.place.copy()
+    place[:2] += travel + interval * theta[WIND]
+    return state._replace(place=place, covariance=covariance, time_s=state.time_s + interval)
+
+
+def updated(state: Filtered, logs: Ranges, height_m: float = 0.0, loss: Loss = huber) -> Filtered:
+    """The filter after the ranges of one epoch.
+
+    A range is believed less the further it lies from its prediction, by the loss's weight of its
+    distance in sigmas of the prediction, and not at all beyond 8 sigma.
+    """
+    b, free = len(state.place), state.free
+    count = len(logs.value_m)
+    places = np.empty((count, 3))
+    places[:, :2], places[:, 2] = state.place[:2], height_m
+    time_s = np.full(count, state.time_s)
+    value, by_place, by_theta = predicted_ranges(state.theta, logs, places, time_s)
+    by_state = np.zeros((count, len(state.covariance)))
+    by_state[:, :2], by_state[:, b:] = by_place, by_theta[:, free]
+    gained = state.covariance @ by_state.T
+    innovation = logs.value_m - value
+    spread = by_state @ gained
+    variance = logs.sigma_m**2
+    distance = innovation / np.sqrt(np.diag(spread) + variance)
+    weight = np.where(np.abs(distance) < _HOPELESS, loss(distance)[1], 1e-9)
+    spread[np.diag_indices(count)] += variance / weight
+    gain = np.linalg.solve(spread, gained.T).T
+    step = gain @ innovation
+    covariance = state.covariance - gain @ gained.T
+    theta = state.theta.copy()
+    theta[free] += step[b:]
+    return state._replace(
+        place=state.place + step[:b], theta=theta, covariance=(covariance + covariance.T) / 2
+    )
+
+
+def filtered(path: DeadReckoning, logs: Ranges, prior: Prior) -> Iterator[Filtered]:
+    """The filter after every epoch of a path."""
+    order = np.argsort(logs.epoch, kind="stable")
+    logs = logs.of(order)
+    ends = np.searchsorted(logs.epoch, np.arange(len(path.interval_s) + 1))
+    state = started(path, prior)
+    for epoch, (first, last) in enumerate(pairwise(ends)):
+        state = predicted(state, path, epoch)
+        if last > first:
+            now = logs.of(slice(first, last))
+            state = updated(state, now, float(path.height_m[epoch]))
+        yield state

@@ -1,0 +1,263 @@
+"""The best alignment of all data so far: constants and path together, most probable of all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.stats import chi2 as chi2_distribution
+
+from estimation.arrays import Array
+from estimation.bordered import Solution, block_covariances, last_covariance, minimise
+from estimation.system_alignment.least_squares import least_squares
+from estimation.system_alignment.logs import DeadReckoning, Ranges
+from estimation.system_alignment.losses import ROBUST, Loss
+from estimation.system_alignment.model import Model
+from estimation.system_alignment.observability import Direction, diagnosis
+from estimation.system_alignment.parameters import Prior, offsets_of, places_of
+
+Status = Literal["solved", "not converged", "no ranges"]
+
+_MIRROR_IN_DOUBT = 9.0  # chi2 by which the mirrored height must fit worse
+_SHORT, _FEW, _BRIEF = 25, 2, 4  # epochs to begin with; steps before more come in; before a loss
+_PATIENT = 20
+_SOFT = (30.0, 5.0)  # times the ranges' sigma
+_TELLS = 0.05  # share of the prior's variance that data must take before they can contradict it
+
+
+class PriorTest(NamedTuple):
+    """Do data and prior agree?
+
+    Attributes:
+        chi2: of the estimate's distance from the prior, by what the data moved it.
+        dof: directions in which the data say something.
+        probability: of a chi2 as large; below .001 the prior or its sigmas are wrong.
+        sigmas: (7 + 4 J,) the same distance, each constant by itself; 0 for known ones.
+    """
+
+    chi2: float
+    dof: int
+    probability: float
+    sigmas: Array
+
+
+class Alignment(NamedTuple):
+    """Constants and path of one object among its beacons.
+
+    Attributes:
+        theta: (7 + 4 J,) in the order of `parameters`.
+        covariance: (7 + 4 J, 7 + 4 J); zeros where a constant is known.
+        path_m: (n, 2) places of the object, valid at the epochs.
+        heading_error_rad: (n,) of the walk; zeros where headings are measured anew.
+        cost: what was minimised, at the minimum.
+        weights: (m,) of the ranges, 1 for full use, 0 for none.
+        status: solved, not converged or no ranges.
+        mirror_gap: (J,) by how much chi2 grows when the beacon is put as far below as it is above;
+            infinite where the height is known.
+        prior_test: whether the data contradict the prior.
+        undetermined: the combinations the data leave as the prior had them, named.
+        solution: the factored normal equations, for every covariance of the path.
+        prior: before the data.
+    """
+
+    theta: Array
+    covariance: Array
+    path_m: Array
+    heading_error_rad: Array
+    cost: float
+    weights: Array
+    status: Status
+    mirror_gap: Array
+    prior_test: PriorTest
+    undetermined: tuple[Direction, ...]
+    solution: Solution
+    prior: Prior
+
+    @property
+    def beacons_m(self) -> Array:
+        """(J, 3)."""
+        return self.theta[places_of(self.theta)]
+
+    @property
+    def offsets_m(self) -> Array:
+        """(J,)."""
+        return self.theta[offsets_of(self.theta)]
+
+    @property
+    def mirrored_in_doubt(self) -> bool:
+        """Whether some beacon may as well lie on the other side of the plane of the path."""
+        return bool(np.any(self.mirror_gap < _MIRROR_IN_DOUBT))
+
+    @property
+    def end_covariance(self) -> Array:
+        """(2, 2) of the last place."""
+        return last_covariance(self.solution)[:2, :2]
+
+    @property
+    def path_covariances(self) -> Array:
+        """(n, 2, 2) of every place; a Python loop over the epochs."""
+        return block_covariances(self.solution)[:, :2, :2]
+
+
+def align(
+    path: DeadReckoning,
+    logs: Ranges,
+    prior: Prior,
+    method: Literal["map", "ls"] = "map",
+    start: Array | None = None,
+    losses: tuple[Loss, ...] = ROBUST,
+) -> Alignment:
+    """Constants and path from dead reckoning and ranges or range differences.
+
+    Args:
+        path: n epochs.
+        logs: m ranges.
+        prior: of the constants; a known constant has no variance.
+        method: "map", the most probable constants and path; "ls", the paper's least squares of
+            the constants alone, dead reckoning taken as exact: a baseline, without prior.
+        start: (7 + 4 J,) constants to start from, e.g. the online filter's; default: the prior's,
+            then those of the first epochs, of twice as many, and so on.
+        losses: gone through in turn, each from where the last one ended.
+
+    Raises:
+        ValueError: a range of an epoch or a beacon that is not there.
+    """
+    _check(path, logs, prior)
+    at = prior.mean if start is None else np.asarray(start, dtype=float)
+    if method == "ls":
+        model = Model(path, logs, prior)
+        return _told(model, least_squares(model, at[prior.free]), np.zeros(prior.beacons))
+    model = Model(path, logs, prior, losses[0])
+    free = at[prior.free]
+    x, free = (_approached if start is None else _softened)(model, free)
+    for loss in losses[:-1]:
+        model = replace(model, loss=loss)
+        found = minimise(model, x, free, most=_BRIEF)
+        x, free = found.x, found.theta
+        if _trusts_all(model, losses[-1], found):
+            break
+    model = replace(model, loss=losses[-1])
+    found = minimise(model, x, free)
+    return _told(model, *_mirrors(model, found))
+
+
+def _approached(model: Model, free: Array) -> tuple[Array, Array]:
+    """A start near the minimum: the first epochs alone, then twice as many, and so on.
+
+    A wind unknown by 1 m/s puts a path of ten minutes 600 m aside, from where some alignments
+    find a wrong minimum; a path half as long as the one before it never errs by so much.
+    """
+    n, x = len(model.path.interval_s), np.empty((0, model.block))
+    count = n / 2 ** max(int(np.log2(max(n / _SHORT, 1))), 0)
+    while count < n:
+        path, logs = model.path.until(int(count)), model.logs.until(int(count))
+        part = replace(model, path=path, logs=logs)
+        found = minimise(part, part.dead_reckoned(free, x), free, most=_FEW)
+        x, free, count = found.x, found.theta, 2 * count
+    return model.dead_reckoned(free, x), free
+
+
+def _softened(model: Model, free: Array) -> tuple[Array, Array]:
+    """A start nearer the minimum than the one given: with ranges believed less than they deserve.
+
+    Constants within some hundred metres put the path as far aside; exact ranges would bend it
+    along every wrong valley first.
+    """
+    x = model.dead_reckoned(free)
+    for factor in _SOFT:
+        logs = model.logs._replace(sigma_m=factor * model.logs.sigma_m)
+        found = minimise(replace(model, logs=logs), x, free, most=_PATIENT)
+        x, free = found.x, found.theta
+    return x, free
+
+
+def _trusts_all(model: Model, last: Loss, found: Solution) -> bool:
+    """Whether the last loss would use every range in full: then nothing lies between."""
+    return bool(np.all(last(model.residuals(found.x, found.theta))[1] == 1))
+
+
+def _told(model: Model, found: Solution, gap: Array) -> Alignment:
+    """The result with its checks."""
+    prior, free = model.prior, model.prior.free
+    covariance = np.zeros_like(prior.covariance)
+    covariance[np.ix_(free, free)] = found.covariance
+    theta = model.theta(found.theta)
+    heading = found.x[:, 2] if model.block == 3 else np.zeros(len(found.x))
+    return Alignment(
+        theta=theta,
+        covariance=covariance,
+        path_m=found.x[:, :2],
+        heading_error_rad=heading,
+        cost=found.cost,
+        weights=model.loss(model.residuals(found.x, found.theta))[1],
+        status=_status(model, found),
+        mirror_gap=gap,
+        prior_test=contradiction(prior, theta, covariance),
+        undetermined=diagnosis(model, found.theta, found.factored.information).undetermined,
+        solution=found,
+        prior=prior,
+    )
+
+
+def _status(model: Model, found: Solution) -> Status:
+    if len(model.logs.value_m) == 0:
+        return "no ranges"
+    return "solved" if found.converged else "not converged"
+
+
+def _mirrors(model: Model, found: Solution) -> tuple[Solution, Array]:
+    """The solution with every beacon on its more probable side, and what the other side costs.
+
+    Over a level path both sides fit alike and only the prior can tell; elsewhere a mirrored
+    beacon that comes near is solved for anew.
+    """
+    height = model.path.height_m[model.logs.epoch].mean() if len(model.logs.epoch) else 0.0
+    beacons = model.prior.beacons
+    gap = np.full(beacons, np.inf)
+    for beacon, index in enumerate(places_of(model.prior.mean)[:, 2]):
+        place = np.flatnonzero(model.prior.free == index)
+        if place.size == 0:
+            continue
+        other = found.theta.copy()
+        other[place] = 2 * height - other[place]
+        cost = model(found.x, other).cost
+        if cost < found.cost + _MIRROR_IN_DOUBT:
+            again = minimise(model, found.x, other)
+            cost = again.cost
+            if again.converged and cost < found.cost:
+                found, cost = again, found.cost
+        gap[beacon] = cost - found.cost
+    return found, gap
+
+
+def contradiction(prior: Prior, theta: Array, covariance: Array) -> PriorTest:
+    """Test an estimate against its own prior: theta - mean has the covariance P0 - P."""
+    free = prior.free
+    before = prior.covariance[np.ix_(free, free)]
+    gained = before - covariance[np.ix_(free, free)]
+    sigma = np.sqrt(np.diag(before))
+    moved = theta[free] - prior.mean[free]
+    root = np.linalg.cholesky(before / np.outer(sigma, sigma))
+    whitener = np.linalg.inv(root) / sigma
+    shares, axes = np.linalg.eigh(whitener @ gained @ whitener.T)
+    told = shares > _TELLS
+    chi2 = float(np.sum((axes.T @ whitener @ moved)[told] ** 2 / shares[told]))
+    dof = int(told.sum())
+    each = np.zeros_like(theta)
+    shrunk = np.diag(gained)
+    each[free] = np.where(
+        shrunk > _TELLS * sigma**2, moved / np.sqrt(np.maximum(shrunk, 1e-300)), 0.0
+    )
+    probability = float(chi2_distribution.sf(chi2, dof)) if dof else 1.0
+    return PriorTest(chi2, dof, probability, each)
+
+
+def _check(path: DeadReckoning, logs: Ranges, prior: Prior) -> None:
+    n, beacons = len(path.interval_s), prior.beacons
+    if np.any((logs.epoch < 0) | (logs.epoch >= n)):
+        raise ValueError(
+            f"need ranges of epochs 0 to {n - 1}: got {logs.epoch.min()} to {logs.epoch.max()}"
+        )
+    if np.any((logs.beacon < 0) | (logs.beacon >= beacons) | (logs.reference >= beacons)):
+        raise ValueError(f"need ranges to beacons 0 to {beacons - 1}")
