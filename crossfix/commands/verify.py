@@ -76,6 +76,11 @@ def _notes(recording: Recording, comparison: Comparison | None) -> list[str]:
         notes.append(f"{recording.end.dropped} messages dropped, {recording.end.gaps} never had")
     if comparison and comparison.beyond:
         notes.append(f"{comparison.beyond} outputs at the torn end were not compared")
+    if comparison and comparison.difference and recording.header.made_from.get("verb") == "cut":
+        notes.append(
+            "cut out of a longer recording, whose past decided the outputs in it; "
+            "`crossfix refuse` gives it outputs of its own"
+        )
     here, there = numeric_fingerprint(), recording.header.fingerprint
     if comparison and comparison.difference and here != there:
         notes.append(f"bytes are promised on equal machines only: recorded on {there}, here {here}")
