@@ -123,6 +123,7 @@ def _texts(story: Story, figures: Figures) -> dict[str, Any]:
         "targets": len(targets),
         "recorded": words.instant(figures.recorded_ns) if figures.recorded_ns else "some day",
         "step": words.seconds(scenario.step_ns * 1e-9),
+        "step_s": scenario.step_ns * 1e-9,
         "epoch": words.instant(scenario.epoch_ns),
         "origin": words.place(scenario.origin.latitude_rad, scenario.origin.longitude_rad),
         "counted_at": story.health[-1].step if story.health else 0,

@@ -18,6 +18,8 @@ CARRIERS = (
     "#c2185b", "#455a64",
 )  # fmt: skip
 """Of carriers in their order, the own one first; told apart by the colour-blind, too."""
+PALE = 0.36
+"""What is left of a colour that stands for something to be corrected."""
 STATES = {
     "off": "#c3cad4",
     "observing": "#f2c14e",
@@ -32,6 +34,12 @@ Figure = Any
 def colours(carriers: Sequence[str]) -> dict[str, str]:
     """A colour for every carrier, the same on the whole page."""
     return {name: CARRIERS[n % len(CARRIERS)] for n, name in enumerate(carriers)}
+
+
+def pale(colour: str) -> str:
+    """A colour `#rrggbb` mixed with white."""
+    channels = (int(colour[n : n + 2], 16) for n in (1, 3, 5))
+    return "#" + "".join(f"{round(255 - PALE * (255 - c)):02x}" for c in channels)
 
 
 class TimeUnit(NamedTuple):

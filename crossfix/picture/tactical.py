@@ -20,15 +20,25 @@ from numpy.typing import NDArray
 
 from estimation.arrays import Array
 
+from .framing import (
+    CARRIER_PX,
+    HEIGHT,
+    PADDING,
+    TARGET_PX,
+    WIDTH,
+    Frame,
+    Labels,
+    frame_of,
+    labels_of,
+    reported_name,
+)
+from .labels import Side
 from .logs import Logs
-from .style import FAINT, FONT, INK, SEA, TRUTH, Figure, TimeUnit, hover, new_figure
+from .style import FAINT, FONT, INK, SEA, TRUTH, Figure, TimeUnit, hover, new_figure, pale
 from .tracks import CarrierPicture, Ellipse, Scene, Track, TrueTarget
 
-WIDTH, HEIGHT = 1000, 680
 KM = 1e-3
 Single = NDArray[np.float32]
-NAMED_TARGETS = 40
-"""More names than this would hide the picture; hovering shows them all the same."""
 
 
 class Layer(NamedTuple):
@@ -51,14 +61,17 @@ def tactical_picture(
     scene: Scene, own: str, colours: Mapping[str, str], unit: TimeUnit
 ) -> tuple[Figure, list[Layer]]:
     """The picture and its legend."""
-    plot = _empty()
-    drawing = _Drawing(plot, scene.names, unit)
+    plot, frame = _empty(), frame_of(scene)
+    drawing = _Drawing(plot, scene.names, unit, labels_of(scene, own, frame))
+    others = [carrier for carrier in scene.carriers if carrier.name != own]
+    for carrier in others:
+        drawing.reported_logs(carrier, colours[carrier.name])
     for carrier in scene.carriers:
-        drawing.logs(carrier, carrier.name == own, colours[carrier.name])
+        drawing.good_logs(carrier, carrier.name == own, colours[carrier.name])
     drawing.true_targets(scene.targets)
     for carrier in scene.carriers:
         drawing.tracks(carrier, carrier.name == own, colours[carrier.name])
-    _fit(plot, scene)
+    _fit(plot, frame)
     order = ["truth", own, *colours]
     return plot, sorted(drawing.layers, key=lambda layer: order.index(layer.group))
 
@@ -71,8 +84,8 @@ def _empty() -> Figure:
         sizing_mode="scale_width",
         name="picture",
         match_aspect=True,
-        x_range=DataRange1d(range_padding=0.09),
-        y_range=DataRange1d(range_padding=0.09),
+        x_range=DataRange1d(range_padding=PADDING - 1),
+        y_range=DataRange1d(range_padding=PADDING - 1),
         x_axis_label="east [km]",
         y_axis_label="north [km]",
         tools=[PanTool(), wheel, BoxZoomTool(match_aspect=True), ResetTool()],
@@ -82,34 +95,17 @@ def _empty() -> Figure:
     return plot
 
 
-def _fit(plot: Figure, scene: Scene) -> None:
-    """Fit the picture to all tracks, or to most logs where no target is known to be true.
-
-    Single logs that went astray must not shrink it.
-    """
-    tracks = [track for c in scene.carriers for track in (c.reported, c.corrected, c.true)]
-    tracks += [target.track for target in scene.targets]
-    corners = [_corners(track.east_north_m, 0.0) for track in tracks]
-    if not scene.targets:
-        corners += [_corners(c.reported_logs.east_north_m, 2.0) for c in scene.carriers]
-    east, north = _km(np.concatenate([np.zeros((0, 2)), *corners]))
-    extent = plot.scatter(east, north, size=0, alpha=0)
+def _fit(plot: Figure, frame: Frame) -> None:
+    extent = plot.scatter(*_km(frame.corners_m), size=0, alpha=0)
     plot.x_range.renderers = plot.y_range.renderers = [extent]
-
-
-def _corners(east_north_m: Array, rest: float) -> Array:
-    """South-west and north-east (2, 2) of points but for some per cent; none of no points."""
-    known = east_north_m[np.isfinite(east_north_m[:, 0])]
-    corners: Array = np.percentile(known, (rest, 100 - rest), axis=0) if len(known) else known
-    return corners
 
 
 class _Drawing:
     """Draws one layer after the other and keeps the legend."""
 
-    def __init__(self, plot: Figure, names: Sequence[str], unit: TimeUnit) -> None:
+    def __init__(self, plot: Figure, names: Sequence[str], unit: TimeUnit, labels: Labels) -> None:
         self.layers: list[Layer] = []
-        self._plot, self._unit = plot, unit
+        self._plot, self._unit, self._labels = plot, unit, labels
         self._called = CustomJSHover(args={"names": [*names]}, code="return names[value]")
 
     def true_targets(self, targets: Sequence[TrueTarget]) -> None:
@@ -129,15 +125,19 @@ class _Drawing:
         )
         shown = _line(TRUTH, "@name", "true target, @kind")
         self._plot.add_tools(hover([lines, dots], shown))
-        if len(targets) <= NAMED_TARGETS:
-            self._text(self._layer("truth", "names", FAINT, "text"), ends, FAINT, "10px")
+        if self._labels.targets:
+            names = self._layer("truth", "names", FAINT, "text")
+            self._text(names, ends, self._labels.targets, FAINT, TARGET_PX)
 
-    def logs(self, carrier: CarrierPicture, is_own: bool, colour: str) -> None:
-        """Target logs of a carrier; the own one's are right as they are."""
+    def reported_logs(self, carrier: CarrierPicture, colour: str) -> None:
+        """Target logs as another carrier reports them: pale, however many lie on one spot."""
+        self._logs(carrier.name, "logs as reported", carrier.reported_logs, pale(colour), 0.6)
+
+    def good_logs(self, carrier: CarrierPicture, is_own: bool, colour: str) -> None:
+        """Target logs as corrected; the own carrier's are right as they are."""
         if is_own:
             self._logs(carrier.name, "target logs", carrier.reported_logs, colour, 0.4)
         else:
-            self._logs(carrier.name, "logs as reported", carrier.reported_logs, colour, 0.16)
             self._logs(carrier.name, "logs as corrected", carrier.corrected_logs, colour, 0.4)
 
     def tracks(self, carrier: CarrierPicture, is_own: bool, colour: str) -> None:
@@ -145,13 +145,13 @@ class _Drawing:
         name = carrier.name
         if is_own:
             self._track(name, "track", carrier.reported, colour, "line")
-            self._end(name, "track", carrier.reported, colour, colour)
+            self._end(name, "track", carrier.reported, colour, colour, name)
             return
         self._track("truth", f"track of {name}", carrier.true, TRUTH, "line")
         self._track(name, "track as reported", carrier.reported, colour, "dashed")
-        self._end(name, "track as reported", carrier.reported, "white", colour, ", reported")
+        self._end(name, "track as reported", carrier.reported, "white", colour, reported_name(name))
         self._track(name, "track as corrected", carrier.corrected, colour, "line")
-        self._end(name, "track as corrected", carrier.corrected, colour, colour)
+        self._end(name, "track as corrected", carrier.corrected, colour, colour, name)
         self._ellipses(name, carrier.ellipses, colour)
 
     def _layer(self, group: str, label: str, colour: str, look: str) -> str:
@@ -163,7 +163,7 @@ class _Drawing:
     def _logs(self, group: str, label: str, logs: Logs, colour: str, alpha: float) -> None:
         if not len(logs.t_s):
             return
-        key = self._layer(group, label, colour, "dots" if alpha > 0.2 else "faint")
+        key = self._layer(group, label, colour, "dots")
         east, north = _km(logs.east_north_m)
         t = np.float32(self._unit.of(logs.t_s))
         source = ColumnDataSource({"x": east, "y": north, "t": t, "name": logs.name})
@@ -187,27 +187,37 @@ class _Drawing:
         shown = _line(colour, group, f"{label}, @t{{0.0}} {self._unit.name}")
         self._plot.add_tools(hover([line], shown))
 
-    def _end(
-        self, group: str, label: str, track: Track, fill: str, colour: str, more: str = ""
-    ) -> None:
-        """A mark and the carrier's name where a track ends; they go with it."""
+    def _end(self, group: str, label: str, track: Track, fill: str, colour: str, text: str) -> None:
+        """A mark and a name where a track ends; they go with it."""
         if not len(track.t_s):
             return
         key = f"{group}: {label}"
         east, north = _km(track.east_north_m)
-        source = ColumnDataSource({"x": east[-1:], "y": north[-1:], "name": [group + more]})
+        source = ColumnDataSource({"x": east[-1:], "y": north[-1:], "name": [text]})
         self._plot.scatter(
             "x", "y", source=source, name=key, size=12, marker="circle",
             fill_color=fill, line_color=colour, line_width=2.5,
         )  # fmt: skip
-        self._text(key, source, colour, "13px", bold=fill == colour)
+        sides = [self._labels.carriers[text]]
+        self._text(key, source, sides, colour, CARRIER_PX, bold=fill == colour)
 
     def _text(
-        self, key: str, source: ColumnDataSource, colour: str, size: str, *, bold: bool = False
+        self,
+        key: str,
+        source: ColumnDataSource,
+        sides: Sequence[Side],
+        colour: str,
+        size_px: int,
+        *,
+        bold: bool = False,
     ) -> None:
+        """Names beside the marks of a source, each on its side."""
+        for name, column in zip(Side._fields, zip(*sides, strict=True), strict=True):
+            source.add(column, name)
         self._plot.text(
-            "x", "y", text="name", source=source, name=key, x_offset=8, y_offset=-5,
-            text_color=colour, text_font_size=size, text_font=value(FONT),
+            "x", "y", text="name", source=source, name=key,
+            x_offset="dx", y_offset="dy", text_align="align", text_color=colour,
+            text_font_size=f"{size_px}px", text_font=value(FONT),
             text_font_style="bold" if bold else "normal",
             background_fill_color="white", background_fill_alpha=0.65, padding=1, border_radius=3,
         )  # fmt: skip
