@@ -7,6 +7,7 @@ from collections import OrderedDict
 from collections.abc import Iterable
 
 from schemas import codec, keys
+from schemas.bus.answering import reply_to
 from schemas.bus.interface import Sample
 from schemas.bus.member import Member
 from schemas.errors import WireError
@@ -62,14 +63,14 @@ class Operator:
             value=command.value,
         )
 
-    def _serve(self, key: str, payload: bytes) -> Iterable[Sample]:
+    def _serve(self, question: Sample) -> Iterable[Sample]:
         try:
-            if len(payload) > MAX_COMMAND_BYTES:
-                raise WireError("command too large", got=len(payload))
-            answer = self._take(codec.decode(Command, payload))
+            if len(question.payload) > MAX_COMMAND_BYTES:
+                raise WireError("command too large", got=len(question.payload))
+            said = self._take(codec.decode(Command, question.payload, question.encoding))
         except WireError as error:
-            answer = Answer(id="", taken=False, reason=str(error)[:1000])
-        yield Sample(key, codec.encode(answer), codec.encoding_of(Answer))
+            said = Answer(id="", taken=False, reason=str(error)[:1000])
+        yield reply_to(question, said)
 
     def _take(self, command: Command) -> Answer:
         with self._lock:

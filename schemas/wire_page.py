@@ -45,7 +45,8 @@ of the tables in [schemas/keys.py](../schemas/keys.py) and of the messages in
 - A process is there while it holds the liveliness token `alive/PROCESS/BOOT`, a new boot at every
   start.
 - *Latched* topics have a queryable of the last value at their key. Topics with the rate *query* are
-  asked, not published: the payload is the question. `backfill` answers with a
+  asked, not published: the payload is the question, and one in JSON is answered in JSON. `backfill`
+  answers with a
   [BackfillReply](#backfillreply), `command` and `player` with an [Answer](#answer), and a bridge at
   its `state` with the [ProcessState](#processstate) of now.
 """

@@ -8,7 +8,8 @@ from collections.abc import Iterable
 
 import msgspec
 
-from schemas import codec, keys
+from schemas import keys
+from schemas.bus.answering import reply_to
 from schemas.bus.interface import Sample
 from schemas.bus.member import Member
 from schemas.messages import ProcessState
@@ -107,9 +108,8 @@ class BridgeNode:
         self._member.announce()
         return watch
 
-    def _status(self, key: str, payload: bytes) -> Iterable[Sample]:
+    def _status(self, question: Sample) -> Iterable[Sample]:
         """Answer who asks for the state now, and not only once a second."""
-        del payload
         state = ProcessState(
             process=self._member.process,
             boot=self._member.boot,
@@ -117,4 +117,4 @@ class BridgeNode:
             step=self._clock.step,
             counters=self._bridge.counts.counters(),
         )
-        yield Sample(key, codec.encode(state), codec.encoding_of(ProcessState))
+        yield reply_to(question, state)

@@ -80,8 +80,8 @@ class Inbox(Generic[T]):
         return len(self._items)
 
 
-Handler = Callable[[str, bytes], Iterable[Sample]]
-"""Answers a query: (key expression asked for, payload of the query) -> replies."""
+Handler = Callable[[Sample], Iterable[Sample]]
+"""Answers a query, the key of which is the expression asked for."""
 
 
 class Bus(Protocol):

@@ -177,12 +177,12 @@ class MemoryNetwork:
     def _ask(self, asker: MemoryBus, question: Question) -> None:
         with self._lock:
             self._questions[question] = asker
-            nth = self._count(asker, question.key)
+            nth = self._count(asker, question.sample.key)
             for owner in self._reached(asker):
                 for server in owner._servers:
-                    if intersects(server.key, question.key):
+                    if intersects(server.key, question.sample.key):
                         question.expect(server)
-                        if owner is asker or not self._lost(asker, owner, question.key, nth):
+                        if owner is asker or not self._lost(asker, owner, question.sample.key, nth):
                             server.ask(question)
 
     def _lost(self, asker: MemoryBus, owner: MemoryBus, key: str, nth: int) -> bool:
@@ -234,9 +234,8 @@ class MemoryBus:
 
         Comes back early, and without an error, when those who have not answered are gone.
         """
-        del encoding  # handlers are not told
         chunks_of(key)
-        question = Question(key, payload)
+        question = Question(Sample(key, payload, encoding))
         self._network._ask(self, question)
         try:
             return question.wait(timeout_s)

@@ -13,8 +13,8 @@ from .interface import Handler, Sample
 class Question:
     """One query under way; over when nobody is left who could still answer."""
 
-    def __init__(self, key: str, payload: bytes) -> None:
-        self.key, self.payload = key, payload
+    def __init__(self, sample: Sample) -> None:
+        self.sample = sample
         self._answers: list[Sample] = []
         self._asked: set[Server] = set()
         self._changed = threading.Condition()
@@ -68,6 +68,6 @@ class Server:
 
     def _work(self) -> None:
         while (question := self._questions.get()) is not None:
-            for answer in answers(self._handler, question.key, question.payload):
+            for answer in answers(self._handler, question.sample):
                 question.take(self, answer)
             question.done(self)

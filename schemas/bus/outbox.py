@@ -12,6 +12,7 @@ import msgspec
 
 from .. import codec, keys
 from ..messages import BackfillRecord, BackfillReply, BackfillRequest
+from .answering import reply_to
 from .interface import Bus, Sample
 
 MAX_RECORDS = 500
@@ -93,12 +94,11 @@ class Outbox:
             new = sample.key not in self._latched
             self._latched[sample.key] = sample
         if new:
-            self._data.serve(sample.key, lambda key, _: [self._latched[key]])
+            self._data.serve(sample.key, lambda _: [self._latched[sample.key]])
 
-    def _backfill(self, key: str, payload: bytes) -> Iterable[Sample]:
-        request = codec.decode(BackfillRequest, payload)
-        reply = BackfillReply(records=self._records(request))
-        yield Sample(key, codec.encode(reply), codec.encoding_of(BackfillReply))
+    def _backfill(self, question: Sample) -> Iterable[Sample]:
+        request = codec.decode(BackfillRequest, question.payload, question.encoding)
+        yield reply_to(question, BackfillReply(records=self._records(request)))
 
     def _records(self, request: BackfillRequest) -> list[BackfillRecord]:
         if request.boot not in ("", self.boot):

@@ -299,11 +299,16 @@ def _fill(subscriber: _Channel[zenoh.Sample], inbox: Inbox[Sample]) -> None:
 def _answer(queryable: _Channel[zenoh.Query], handler: Handler) -> None:
     for queries in _batches(queryable):
         for query in queries:
-            question = query.payload.to_bytes() if query.payload is not None else b""
             # The bus may be closed in the middle of an answer.
             with query, suppress(zenoh.ZError):
-                for reply in answers(handler, str(query.key_expr), question):
+                for reply in answers(handler, _question(query)):
                     query.reply(reply.key, reply.payload, encoding=reply.encoding)
+
+
+def _question(query: zenoh.Query) -> Sample:
+    payload = b"" if query.payload is None else query.payload.to_bytes()
+    encoding = "" if query.encoding is None else str(query.encoding)
+    return Sample(str(query.key_expr), payload, "" if encoding == NO_ENCODING else encoding)
 
 
 def _sample(sample: zenoh.Sample) -> Sample:

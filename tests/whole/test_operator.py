@@ -15,11 +15,13 @@ from tests.whole.refusing import refused
 SCENARIO = Path(__file__).with_name("small.toml")
 
 
-def ask(run: MemoryRun, command: Command) -> Answer:
+def ask(run: MemoryRun, command: Command, form: str = "msgpack") -> Answer:
+    encode = codec.encode if form == "msgpack" else codec.encode_json
     with run.network.bus("operator") as bus:
-        key, payload = keys.COMMAND.key(run.run, keys.FUSION), codec.encode(command)
-        (reply,) = bus.query(key, payload, codec.encoding_of(Command), 5.0)
-        return codec.decode(Answer, reply.payload)
+        key, payload = keys.COMMAND.key(run.run, keys.FUSION), encode(command)
+        (reply,) = bus.query(key, payload, codec.encoding_of(Command, form), 5.0)
+        assert reply.encoding == codec.encoding_of(Answer, form)
+        return codec.decode(Answer, reply.payload, reply.encoding)
 
 
 def test_a_command_becomes_an_event_once_and_a_bad_one_is_refused(tmp_path: Path) -> None:
@@ -30,7 +32,7 @@ def test_a_command_becomes_an_event_once_and_a_bad_one_is_refused(tmp_path: Path
     def command(run: MemoryRun) -> None:
         run.await_step(10)
         suspend = Command(id="one", kind="suspend", carrier="bravo")
-        answers.extend([ask(run, suspend), ask(run, suspend)])
+        answers.extend([ask(run, suspend), ask(run, suspend, "json")])
         answers.append(ask(run, Command(id="two", kind="set", setting="association.gat", value=1)))
 
     with MemoryNetwork(1, delay_s=(0.0, 0.01)) as network:

@@ -129,8 +129,9 @@ def test_a_query_gathers_all_replies_of_all_who_serve_it(network) -> None:
     asker = network.bus("asker")
     for name in ("a", "b"):
 
-        def reply_twice(key: str, question: bytes, name: str = name) -> list[Sample]:
-            return [Sample(key, question + f" {name}{n}".encode(), ENCODING) for n in (1, 2)]
+        def reply_twice(question: Sample, name: str = name) -> list[Sample]:
+            said = [question.payload + f" {name}{n}".encode() for n in (1, 2)]
+            return [Sample(question.key, payload, question.encoding) for payload in said]
 
         network.bus(name).serve("law/query", reply_twice)
     replies = asker.query("law/query", b"for", ENCODING, 2.0)
@@ -142,9 +143,16 @@ def test_a_wildcard_query_is_answered_under_each_own_key(network) -> None:
     asker = network.bus("asker")
     for name in ("a", "b"):
         key = f"law/each/{name}"
-        network.bus(name).serve(key, lambda _, __, key=key: [Sample(key, b"", "")])
+        network.bus(name).serve(key, lambda _, key=key: [Sample(key, b"", "")])
     replies = asker.query("law/each/*", b"", "", 2.0)
     assert sorted(reply.key for reply in replies) == ["law/each/a", "law/each/b"]
+
+
+def test_a_question_without_payload_and_encoding_is_answered(network) -> None:
+    asked: list[Sample] = []
+    network.bus("server").serve("law/bare", lambda question: asked.append(question) or [])
+    assert network.bus("asker").query("law/bare", b"", "", 2.0) == []
+    assert asked == [Sample("law/bare", b"", "")]
 
 
 def test_a_query_that_nobody_serves_returns_at_once(network) -> None:
@@ -157,12 +165,12 @@ def test_a_slow_handler_holds_up_neither_the_asker_nor_the_session(network) -> N
     asker, slow, quick = network.bus("asker"), network.bus("slow"), network.bus("quick")
     release = threading.Event()
 
-    def wait(key: str, _: bytes) -> Iterator[Sample]:
-        yield Sample(key, b"early", "")
+    def wait(question: Sample) -> Iterator[Sample]:
+        yield Sample(question.key, b"early", "")
         release.wait(10)
 
     slow.serve("law/slow", wait)
-    quick.serve("law/slow", lambda key, _: [Sample(key, b"quick", "")])
+    quick.serve("law/slow", lambda question: [Sample(question.key, b"quick", "")])
     inbox = subscribed(slow, "law/meanwhile")
     begun_s = time.monotonic()
     replies = asker.query("law/slow", b"", "", 0.3)
@@ -177,9 +185,9 @@ def test_a_slow_handler_holds_up_neither_the_asker_nor_the_session(network) -> N
 def test_a_handler_that_fails_answers_the_next_query(network, caplog, fault: str) -> None:
     asker, server = network.bus("asker"), network.bus("server")
 
-    def fail_on_bad(key: str, question: bytes) -> list[Sample]:
-        if question == b"good":
-            return [Sample(key, b"fine", "")]
+    def fail_on_bad(question: Sample) -> list[Sample]:
+        if question.payload == b"good":
+            return [Sample(question.key, b"fine", "")]
         if fault == "bug":
             raise ZeroDivisionError
         if fault == "refusal":
@@ -198,13 +206,13 @@ def test_a_server_that_dies_does_not_hold_up_the_query(network) -> None:
     asker, doomed, other = network.bus("asker"), network.bus("doomed"), network.bus("other")
     asked, release = threading.Event(), threading.Event()
 
-    def never(key: str, _: bytes) -> list[Sample]:
+    def never(question: Sample) -> list[Sample]:
         asked.set()
         release.wait(10)
-        return [Sample(key, b"from the dead", "")]
+        return [Sample(question.key, b"from the dead", "")]
 
     doomed.serve("law/dies", never)
-    other.serve("law/dies", lambda key, _: [Sample(key, b"alive", "")])
+    other.serve("law/dies", lambda question: [Sample(question.key, b"alive", "")])
     killer = threading.Thread(target=lambda: asked.wait(5) and network.kill("doomed"))
     killer.start()
     begun_s = time.monotonic()
@@ -286,7 +294,7 @@ def test_what_was_declared_before_or_during_a_cut_works_after_it(network) -> Non
     network.cut("near")
     assert eventually(lambda: not near.link_up())
     during = subscribed(near, "law/during")
-    near.serve("law/served", lambda key, _: [Sample(key, b"yes", "")])
+    near.serve("law/served", lambda question: [Sample(question.key, b"yes", "")])
     tokens = watched(far, "alive/near")
     with near.announce("alive/near"):
         network.heal("near")

@@ -69,7 +69,7 @@ def test_joined_hubs_are_one_bus(hub: str) -> None:
     ):
         assert eventually(lambda: far.tokens("joined/*") == ["joined/near"])
         near.subscribe("joined/x", inbox)
-        near.serve("joined/asked", lambda key, _: [Sample(key, b"yes", "")])
+        near.serve("joined/asked", lambda question: [Sample(question.key, b"yes", "")])
         assert eventually(lambda: bool(far.query("joined/asked", b"", "", 1.0)))
         far.publish("joined/x", b"over", "", DATA)
         assert take(inbox, 1) == [Sample("joined/x", b"over", "")]

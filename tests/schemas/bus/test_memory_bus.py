@@ -125,7 +125,7 @@ def test_faults_can_change_in_the_middle() -> None:
 
 def test_a_lost_question_is_waited_for_in_vain() -> None:
     with MemoryNetwork(query_loss=1.0) as network:
-        network.bus("server").serve("q", lambda key, _: [Sample(key, b"", "")])
+        network.bus("server").serve("q", lambda question: [Sample(question.key, b"", "")])
         begun_s = time.monotonic()
         assert network.bus("asker").query("q", b"", "", 0.1) == []
         assert time.monotonic() - begun_s >= 0.1
@@ -133,7 +133,7 @@ def test_a_lost_question_is_waited_for_in_vain() -> None:
 
 def test_some_questions_get_through_when_asked_again() -> None:
     with MemoryNetwork(seed=1, query_loss=0.5) as network:
-        network.bus("server").serve("q", lambda key, _: [Sample(key, b"", "")])
+        network.bus("server").serve("q", lambda question: [Sample(question.key, b"", "")])
         asker = network.bus("asker")
         answered = [bool(asker.query("q", b"", "", 0.02)) for _ in range(30)]
     assert 5 < sum(answered) < 25
@@ -165,7 +165,7 @@ def test_a_closed_network_leaves_no_thread() -> None:
     network = MemoryNetwork(delay_s=(10.0, 10.0))
     a, b = network.bus("a"), network.bus("b")
     b.subscribe("n", Inbox())
-    b.serve("q", lambda key, _: [])
+    b.serve("q", lambda _: [])
     a.publish("n", b"", "", DATA)
     network.close()
     assert eventually(lambda: threading.active_count() == before)

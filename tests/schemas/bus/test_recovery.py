@@ -58,7 +58,7 @@ def test_an_owner_speaks_for_its_own_streams_only(network: MemoryNetwork) -> Non
         f"{keys.PREFIX}/{RUN}/report/alpha/*",
     ]
 
-    def answer(key: str, question: bytes) -> list[Sample]:
+    def answer(_: Sample) -> list[Sample]:
         asked.set()
         return reply(*((key, b"x") for key in [*foreign, honest]))
 
@@ -76,9 +76,9 @@ def test_an_owner_speaks_for_its_own_streams_only(network: MemoryNetwork) -> Non
 def test_an_answer_that_is_none_leaves_the_gap_open(network: MemoryNetwork) -> None:
     asked = threading.Event()
 
-    def answer(key: str, question: bytes) -> list[Sample]:
+    def answer(question: Sample) -> list[Sample]:
         asked.set()
-        return [Sample(key, b"\xc1 rubbish", "")]
+        return [Sample(question.key, b"\xc1 rubbish", "")]
 
     network.bus("alpha").serve(keys.BACKFILL.key(RUN, "alpha"), answer)
     recovery = Recovery(RUN, network.bus("fusion"), Inbox())
@@ -90,11 +90,11 @@ def test_one_silent_owner_holds_up_nobody(network: MemoryNetwork) -> None:
     """Its gap changes all the time, and none of its answers ever comes."""
     release, answered = threading.Event(), threading.Event()
 
-    def hang(key: str, question: bytes) -> list[Sample]:
+    def hang(_: Sample) -> list[Sample]:
         release.wait(DEADLINE_S)
         return []
 
-    def answer(key: str, question: bytes) -> list[Sample]:
+    def answer(_: Sample) -> list[Sample]:
         answered.set()
         return []
 

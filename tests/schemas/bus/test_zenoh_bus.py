@@ -60,7 +60,7 @@ def test_all_is_back_within_a_second_of_the_hub(own_hub: HubProcess, death) -> N
     samples: Inbox[Sample] = Inbox()
     with open_bus(own_hub.endpoint) as near, open_bus(own_hub.endpoint) as far:
         near.subscribe("law/**", samples)
-        far.serve("law/asked", lambda key, _: [Sample(key, b"yes", "")])
+        far.serve("law/asked", lambda question: [Sample(question.key, b"yes", "")])
         with far.announce("alive/far"):
             near.watch("alive/**", tokens)
             assert take(tokens, 1) == [Liveness("alive/far", True, True)]
@@ -92,7 +92,7 @@ def test_the_hub_knows_what_is_declared_when_declaring_returns(hub: str) -> None
             near.subscribe(f"declared/{n}", inbox)
             far.publish(f"declared/{n}", b"", "", DATA)
             near.publish("ballast", bytes(MAX_PAYLOAD_BYTES), "", DATA)
-            near.serve(f"asked/{n}", lambda key, _: [Sample(key, b"", "")])
+            near.serve(f"asked/{n}", lambda question: [Sample(question.key, b"", "")])
             assert len(far.query(f"asked/{n}", b"", "", 1.0)) == 1
             assert len(take(inbox, 1, deadline_s=1.0)) == 1
 
@@ -125,7 +125,7 @@ LEAVES_IT_OPEN = """
     inbox = Inbox()
     bus.subscribe("noise/**", inbox)
     bus.watch("alive/**", Inbox())
-    bus.serve("asked", lambda key, _: [])
+    bus.serve("asked", lambda _: [])
     held = bus.announce("alive/it")
     held.__enter__()
     while not inbox.take(5):
