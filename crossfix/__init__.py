@@ -8,29 +8,43 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from crossfix.analysis import Recording, open_recording
+    from crossfix.columns import Columns
+    from crossfix.cutting import cut
+    from crossfix.differences import diff
+    from crossfix.refusing import refuse
     from fusion_center.fuse import fuse
     from fusion_center.settings import Settings
     from schemas.errors import CrossfixError
-    from schemas.recording.reader import open_recording
     from sim_world.scenario import load_scenario
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Columns",
     "CrossfixError",
+    "Recording",
     "Settings",
     "__version__",
+    "cut",
+    "diff",
     "fuse",
     "load_scenario",
     "open_recording",
+    "refuse",
 ]
 
 _HOMES = {
+    "Columns": "crossfix.columns",
+    "Recording": "crossfix.analysis",
+    "cut": "crossfix.cutting",
+    "diff": "crossfix.differences",
+    "refuse": "crossfix.refusing",
     "CrossfixError": "schemas.errors",
     "Settings": "fusion_center.settings",
     "fuse": "fusion_center.fuse",
     "load_scenario": "sim_world.scenario",
-    "open_recording": "schemas.recording.reader",
+    "open_recording": "crossfix.analysis",
 }
 
 

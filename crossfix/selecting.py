@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from crossfix.diff.comparison import is_named
-from crossfix.diff.pairing import channel_of
-from schemas import keys
+from crossfix.differences.comparison import is_named
+from crossfix.differences.pairing import channel_of
 from schemas.errors import CrossfixError
 from schemas.keys import Role
 from schemas.recording.reader import Recorded, Recording
 
 NEVER_NS = 2**64
-LATCHED = tuple(topic for topic in keys.TOPICS if topic.latched)
 
 
 class Selection(NamedTuple):
@@ -68,14 +66,11 @@ def selected(recording: Recording, selection: Selection) -> Iterator[Recorded]:
 
 def latched_before(recording: Recording, selection: Selection, start_ns: int) -> list[Recorded]:
     """The last message of each latched key before an instant, as if recorded at that instant."""
-    if start_ns <= start_of(recording):
-        return []
-    last: dict[str, Recorded] = {}
-    for message in recording.messages(topics=LATCHED, stop_ns=start_ns):
-        if selection.wants(message):
-            last.pop(message.key, None)
-            last[message.key] = message._replace(log_time_ns=start_ns)
-    return list(last.values())
+    return [
+        message._replace(log_time_ns=start_ns)
+        for message in recording.latched(start_ns)
+        if selection.wants(message)
+    ]
 
 
 def _times_ns(recording: Recording, selection: Selection) -> tuple[int, int]:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import msgpack
 import msgspec
 
-from crossfix.diff import EXACT, Rules, changes, first_difference, unpacked
+from crossfix.differences import EXACT, Rules, changes, first_difference, unpacked
 from crossfix.making import is_torn
 from crossfix.refusing import AHEAD
 from fusion_center.fuse import Fusible, fuse

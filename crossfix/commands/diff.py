@@ -11,7 +11,7 @@ from cyclopts import Parameter
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from crossfix.diff import ChannelDiff, Diff, FieldSummary, FirstDifference
+    from crossfix.differences import ChannelDiff, Diff, FieldSummary, FirstDifference
 
 SAME, DIFFERENT = 0, 1
 RoleName = Literal["input", "truth", "output", "status", "control"]
@@ -49,8 +49,8 @@ def diff(
         keys: only keys after the run like this, such as `correction/**`; may be repeated.
         as_json: one JSON object instead of tables.
     """
-    from crossfix.diff import Rules
-    from crossfix.diff import diff as compare
+    from crossfix.differences import Rules
+    from crossfix.differences import diff as compare
     from crossfix.reading_progress import reading
     from schemas.errors import CrossfixError
     from schemas.keys import Role

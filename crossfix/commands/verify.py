@@ -42,7 +42,7 @@ def verify(
             one where that is above 1; 1e-9 for a recording of another kind of machine.
         as_json: one JSON object instead of sentences.
     """
-    from crossfix.diff import Rules
+    from crossfix.differences import Rules
     from crossfix.making import is_torn
     from crossfix.verification import compare, missing_inputs
     from schemas.errors import CrossfixError

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from crossfix.diff import EXACT, Rules, changes, diff, unpacked
+from crossfix.differences import EXACT, Rules, changes, diff, unpacked
 from schemas import keys
 from schemas.recording.reader import digests, open_recording
 from tests.crossfix.conftest import Crossfix

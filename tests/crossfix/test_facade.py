@@ -6,8 +6,8 @@ import sys
 import pytest
 
 import crossfix
+from crossfix.analysis import open_recording
 from fusion_center.fuse import fuse
-from schemas.recording.reader import open_recording
 
 
 def test_every_public_name_is_there() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from crossfix.diff import first_difference
+from crossfix.differences import first_difference
 from schemas import keys
 from schemas.messages import StreamSpan
 from tests.crossfix.conftest import Crossfix

@@ -8,9 +8,9 @@ from fnmatch import fnmatchcase
 from hashlib import sha256
 from typing import Any, NamedTuple
 
-from crossfix.diff.fields import ENCODING, EXACT, FieldChange, Rules, changes, unpacked
-from crossfix.diff.figures import FieldFigures, FieldSummary
-from crossfix.diff.pairing import Pair, channel_of, pairs
+from crossfix.differences.fields import ENCODING, EXACT, FieldChange, Rules, changes, unpacked
+from crossfix.differences.figures import FieldFigures, FieldSummary
+from crossfix.differences.pairing import Pair, channel_of, pairs
 from crossfix.settings_changes import SettingChange, changes_between
 from schemas.errors import CrossfixError, RecordingError
 from schemas.keys import Role

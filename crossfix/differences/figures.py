@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from crossfix.diff.fields import FieldChange
+from crossfix.differences.fields import FieldChange
 
 
 class FieldSummary(NamedTuple):
