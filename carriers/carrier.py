@@ -12,7 +12,6 @@ from estimation.arrays import Array
 from estimation.frames import Site, geodetic_from_enu, on_surface, site_at
 from schemas import keys
 from schemas.messages import (
-    FeatureColumn,
     Navigation,
     Pose,
     Ranging,
@@ -31,6 +30,9 @@ from sim_world.scenario.declared import origin_of
 from sim_world.scene import Stand, stand_of, targets_of
 from sim_world.schedule import Look
 from sim_world.sensors import Sensor
+from sim_world.tracking_radar import Observation, RadarTracker
+
+from .reports import plot_columns, track_columns
 
 LIGHT_MPS = 299_792_458.0
 _UPPER = np.triu_indices(3)
@@ -45,7 +47,7 @@ class Outgoing(NamedTuple):
 
 
 class Stamp:
-    """One life of a carrier: its boot, how far its streams have come, where its way began.
+    """One life of a carrier: its boot, how far its streams have come, where its way began, tracks.
 
     It is all that is remembered from step to step; a new one is a new boot.
     """
@@ -54,6 +56,7 @@ class Stamp:
         self.boot = boot
         self._first_step: int | None = None
         self._last_seq: dict[str, int] = {}
+        self._trackers: dict[str, RadarTracker] = {}
 
     def begins(self, step: int) -> bool:
         """Whether this is the first step of this life."""
@@ -68,6 +71,13 @@ class Stamp:
         """The seq of the next message of a stream, from 1."""
         self._last_seq[stream] = self._last_seq.get(stream, 0) + 1
         return self._last_seq[stream]
+
+    def tracker(self, sensor: Sensor) -> RadarTracker | None:
+        """The tracks of a sensor that tracks; they begin with this life."""
+        tracking = sensor.table.tracking
+        if tracking and sensor.name not in self._trackers:
+            self._trackers[sensor.name] = RadarTracker(sensor.plots, tracking.process_noise)
+        return self._trackers.get(sensor.name)
 
     def manifest(self, carrier: str) -> list[StreamEnd]:
         """How far every stream has come."""
@@ -100,6 +110,7 @@ class Carrier:
             raise ValueError(f"no carrier {name!r} among {[c.name for c in file.carriers]}")
         self.name = name
         self._part, self._origin = part, origin_of(file)
+        self._step_s = file.time.step_s
         self._voyage = sail(file, part, self._origin, scenario.declared.steps)
         self._covariance = declared_covariances(part.navigation, self._voyage, file.time.step_s)
         self._sensors = [Sensor(file, name, sensor) for sensor in part.sensors]
@@ -170,10 +181,25 @@ class Carrier:
 
     def _report(self, sensor: Sensor, look: Look, logs: Logs, now: _Now) -> SourceReport:
         measured_ns = now.t_ns + look.after_step_ns
-        return SourceReport(
-            **self._envelope(sensor.name, now, measured_ns, sensor.errors.clock_s),
-            **_columns(sensor, logs),
-        )
+        envelope = self._envelope(sensor.name, now, measured_ns, sensor.errors.clock_s)
+        tracker = now.stamp.tracker(sensor)
+        if tracker is None:
+            return SourceReport(**envelope, **plot_columns(sensor, logs))
+        seen_from = Observation(envelope["t_ns"], self._way_m(look, now), self._site(now))
+        tracks = tracker.update(logs, seen_from)
+        return SourceReport(**envelope, **track_columns(sensor, logs, tracks))
+
+    def _way_m(self, look: Look, now: _Now) -> Array:
+        """What has been reckoned by the time of a look, between the step before and this one."""
+        way, k = self._voyage.way_m, now.step
+        share = look.after_step_ns * 1e-9 / self._step_s
+        reckoned = way[k] + share * (way[k] - way[max(k - 1, 0)])
+        since: Array = reckoned - way[now.stamp.first_step()]
+        return since
+
+    def _site(self, now: _Now) -> Site:
+        pose = self._pose(now)
+        return Site(pose.latitude_rad, pose.longitude_rad, pose.altitude_m)
 
     def _range(self, device: RangingDevice, look: Look, measured: Measured, now: _Now) -> Ranging:
         """A range at the instant it was taken; light is on its way there and back, or once."""
@@ -205,57 +231,6 @@ class Carrier:
             "step": now.step,
             "t_ns": stamp_ns(true_ns, now.stand.clock_offset_s, clock_s),
         }
-
-
-def _columns(sensor: Sensor, logs: Logs) -> dict[str, Any]:
-    """The columns of a report; a report of nothing has none."""
-    if not len(logs.bearing_rad):
-        return {}
-    return {
-        "time_offset_s": _list(logs.time_offset_s),
-        **_measured("bearing_rad", logs.bearing_rad, sensor.declared.sigma_bearing_rad),
-        **_measured("range_m", logs.range_m, sensor.declared.sigma_range_m),
-        **_measured("elevation_rad", logs.elevation_rad, sensor.declared.sigma_elevation_rad),
-        **_identities(sensor, logs),
-        **_classes(sensor, logs),
-        "features": _features(sensor, logs),
-    }
-
-
-def _measured(name: str, column: Array | None, sigma: float | None) -> dict[str, Any]:
-    if column is None:
-        return {}
-    return {name: column.tolist(), f"sigma_{name}": [sigma] * len(column)}
-
-
-def _identities(sensor: Sensor, logs: Logs) -> dict[str, Any]:
-    names = _list(logs.identity) or []
-    if not any(names):
-        return {}
-    kinds = [name and sensor.table.identity_kind for name in names]
-    return {"identity": names, "identity_kind": kinds}
-
-
-def _classes(sensor: Sensor, logs: Logs) -> dict[str, Any]:
-    if logs.classes is None or sensor.table.classes is None:
-        return {}
-    told = [None if name is None else [name] for name in logs.classes]
-    accuracy = sensor.table.classes.accuracy
-    return {"classes": told, "class_confidence": [t and accuracy for t in told]}
-
-
-def _features(sensor: Sensor, logs: Logs) -> dict[str, FeatureColumn]:
-    return {
-        f.name: FeatureColumn(
-            values=[None if np.isnan(value) else value for value in logs.features[f.name].tolist()],
-            sigmas=[f.sigma] * len(logs.bearing_rad),
-        )
-        for f in sensor.table.features
-    }
-
-
-def _list(column: np.ndarray | None) -> list[Any] | None:
-    return None if column is None else column.tolist()
 
 
 def _moved(site: Site, east_north_m: Array) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from schemas.messages import FeatureInfo
 
 from .logs import Logs
 from .noise import TargetDraws, generator, normal
-from .scenario.declared import CLASS_FEATURE, properties
+from .scenario.declared import CLASS_FEATURE, plot_properties, properties
 from .scenario.file import FeatureReports, ScenarioFile
 from .scenario.file import Sensor as SensorTable
 from .scene import TURN_RAD, Polar, Stand, Targets, polar
@@ -56,12 +56,12 @@ class Sensor:
 
     def __init__(self, file: ScenarioFile, carrier: str, table: SensorTable) -> None:
         self.name, self.table = table.name, table
-        self.declared = properties(file, table)
+        self.declared, self.plots = properties(file, table), plot_properties(file, table)
         self.errors = systematic_errors(file, carrier, table)
         self._address = (file.seed, "sensor", carrier, table.name)
         self._draws = TargetDraws.of(*self._address)
         self._step_ns = round(file.time.step_s * 1e9)
-        sector = self.declared.sector
+        sector = self.plots.sector
         self._start_rad = sector.start_rad if sector else 0.0
         self._width_rad = sector.width_rad if sector else TURN_RAD
 
@@ -82,7 +82,7 @@ class Sensor:
         kept = self._detected(true, draws)
         rows = rows[kept]
         logs = self._measured(true.take(kept), targets.take(rows), offset_s[rows], draws.take(kept))
-        if self.declared.clutter_per_scan > 0:
+        if self.plots.clutter_per_scan > 0:
             logs = logs.join(self._clutter(look))
         return logs.take(np.argsort(logs.bearing_rad, kind="stable"))
 
@@ -102,24 +102,24 @@ class Sensor:
 
     def _in_view(self, true: Polar) -> np.ndarray:
         """Rows of the targets within range and sector."""
-        limits = self.declared
+        limits = self.plots
         inside = (limits.range_min_m <= true.range_m) & (true.range_m <= limits.range_max_m)
         inside &= np.mod(true.bearing_rad - self._start_rad, TURN_RAD) <= self._width_rad
         return np.flatnonzero(inside)
 
     def _detected(self, true: Polar, draws: _Draws) -> np.ndarray:
         """Rows of those that are detected and not hidden by nearer ones."""
-        rows = np.flatnonzero(draws.detection[:, 0] < self.declared.detection_probability)
-        hidden = self.declared.resolution_bearing_rad > 0
+        rows = np.flatnonzero(draws.detection[:, 0] < self.plots.detection_probability)
+        hidden = self.plots.resolution_bearing_rad > 0
         return rows[self._resolved(true.take(rows))] if hidden else rows
 
     def _resolved(self, true: Polar) -> np.ndarray:
         """Which targets have no nearer one within the resolution."""
         apart = wrap_pi(true.bearing_rad[:, None] - true.bearing_rad)
         further = true.range_m[:, None] - true.range_m
-        hides = (np.abs(apart) <= self.declared.resolution_bearing_rad) & (further > 0)
-        if self.declared.coordinates == "bearing_range":
-            hides &= further <= self.declared.resolution_range_m
+        hides = (np.abs(apart) <= self.plots.resolution_bearing_rad) & (further > 0)
+        if self.plots.coordinates == "bearing_range":
+            hides &= further <= self.plots.resolution_range_m
         return ~np.asarray(hides.any(axis=1))
 
     def _measured(self, true: Polar, targets: Targets, offset_s: Array, draws: _Draws) -> Logs:
@@ -178,11 +178,11 @@ class Sensor:
         return _where(targets.classes != "", np.array(names, dtype=object)[told])
 
     def _class_info(self) -> FeatureInfo:
-        return self.declared.features[CLASS_FEATURE]
+        return self.plots.features[CLASS_FEATURE]
 
     def _clutter(self, look: Look) -> Logs:
         """False alarms, uniform over the covered area, in number after Poisson."""
-        limits, table = self.declared, self.table
+        limits, table = self.plots, self.table
         rng = generator(*self._address, "clutter", look.number)
         count = int(rng.poisson(limits.clutter_per_scan))
         bearing = np.mod(self._start_rad + self._width_rad * rng.random(count), TURN_RAD)

@@ -144,6 +144,9 @@ def _coordinates(sensor: Sensor, path: Path) -> Iterator[Problem]:
     """Sigmas must be of the coordinates that the sensor measures."""
     if sensor.coordinates == "bearing_range" and sensor.sigma_range_m is None:
         yield Problem((*path, "sigma_range_m"), "missing key", None, "a sigma of its ranges")
+    if sensor.tracking and sensor.coordinates == "bearing":
+        inner = (*path, "coordinates")
+        yield Problem(inner, "tracks need ranges", sensor.coordinates, "bearing_range")
     if sensor.coordinates == "bearing":
         for key in (
             "sigma_range_m", "sigma_range_bias_m", "sigma_range_scale", "resolution_range_m",

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from math import floor, radians
 
 import numpy as np
+from msgspec.structs import replace
 
 from estimation.arrays import Array
 from estimation.frames import Site, geodetic_from_enu, on_surface
@@ -21,6 +22,7 @@ from schemas.messages import (
 )
 
 from ..noise import generator
+from ..tracking_radar import memory_s
 from .file import Carrier, ScenarioFile, Sensor
 from .ranging import Beacon, Ranging
 
@@ -124,6 +126,15 @@ def _beacon(file: ScenarioFile, beacon: Beacon) -> DeclaredBeacon:
 
 def properties(file: ScenarioFile, sensor: Sensor) -> SourceProperties:
     """What a sensor declares of itself."""
+    plots = plot_properties(file, sensor)
+    if sensor.tracking is None:
+        return plots
+    memory = memory_s(plots, sensor.tracking.process_noise)
+    return replace(plots, coordinates="cartesian", sends_tracks=True, filter_memory_s=memory)
+
+
+def plot_properties(file: ScenarioFile, sensor: Sensor) -> SourceProperties:
+    """The same of the plots of a sensor, which it may keep to itself and send tracks."""
     return SourceProperties(
         kind=sensor.kind,
         coordinates=sensor.coordinates,

@@ -140,6 +140,18 @@ class ClassReports(Table, frozen=True, kw_only=True):
     accuracy: Share
 
 
+class Tracking(Table, frozen=True, kw_only=True):
+    """A sensor that sends tracks instead of plots.
+
+    Attributes:
+        process_noise: q of the targets' velocities that its filters assume [m^2/s^3].
+        report: whole tracks with their filter, or what they have learnt since the last report.
+    """
+
+    process_noise: Annotated[float, Meta(gt=0, le=1e6)] = 0.1
+    report: Literal["track", "increment"] = "track"
+
+
 class Sensor(Table, frozen=True, kw_only=True):
     """One source of a carrier; see `schemas.messages.SourceProperties` for the common keys.
 
@@ -148,6 +160,7 @@ class Sensor(Table, frozen=True, kw_only=True):
         sector_deg: first bearing and width, clockwise from the carrier's own north.
         rotating: logs carry the offset at which the turning antenna passed them.
         identity_share: share of the targets with an identity whose identity it reads.
+        tracking: it sends tracks; its sigmas and false alarms are those of the plots behind them.
     """
 
     name: Id
@@ -168,6 +181,7 @@ class Sensor(Table, frozen=True, kw_only=True):
     rotating: bool = False
     identity_share: Share = 0.0
     identity_kind: Text = "name"
+    tracking: Tracking | None = None
     classes: ClassReports | None = None
     features: list[FeatureReports] = []
     sigma_range_bias_m: NonNegative = 0.0
