@@ -156,6 +156,7 @@ class PlayerStatus(Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     Attributes:
         t_ns: log time of the last message published; of the next one after a seek.
+        start_ns, end_ns: log time of the first and the last message there is.
         rate: 0 = as fast as it goes.
         sent: messages published since the start.
     """
@@ -165,6 +166,8 @@ class PlayerStatus(Struct, frozen=True, kw_only=True, omit_defaults=True):
     reason: Text = ""
     state: Literal["waiting", "playing", "paused", "ended"] = "playing"
     t_ns: TimeNs = 0
+    start_ns: TimeNs = 0
+    end_ns: TimeNs = 0
     rate: Annotated[float, Meta(ge=0, le=1e6)] = 1.0
     sent: Count = 0
 

@@ -38,6 +38,8 @@ class RunHeader(msgspec.Struct, frozen=True, kw_only=True):
         made_from: of a recording made of others: by which verb, of what, and what was changed.
         format: of the recording; protocol: of the wire.
         part: counts from 1 where a recording is split into several files; 0 = it is one file.
+        repeated: how many messages it begins with are the last values of latched keys from before,
+            so that it can be read alone; the counts of its end are without them.
     """
 
     run: str
@@ -50,6 +52,7 @@ class RunHeader(msgspec.Struct, frozen=True, kw_only=True):
     format: int = FORMAT
     protocol: str = VERSION
     part: int = 0
+    repeated: int = 0
 
 
 class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
@@ -63,7 +66,6 @@ class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
         rejections: the same by source, as carrier/stream -> count and last reason.
         torn: the recorder never got to its end, which others have written; the last messages
             may lack what they name.
-        repeated: latched messages of earlier parts that this part begins with; not in `recorded`.
     """
 
     reason: str
@@ -74,7 +76,6 @@ class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
     rejected: int = 0
     rejections: dict[str, str] = {}
     torn: bool = False
-    repeated: int = 0
 
 
 class Attachment(NamedTuple):

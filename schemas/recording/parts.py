@@ -106,9 +106,13 @@ class PartedWriter:
         self._part = 1 if limits.splits else 0
         self._before, self._too_late = NO_COUNTS, 0
         self._latched = _Latched()
-        self._gaps = self._repeated = self._began_ns = self._clock_ns = 0
+        self._gaps = self._began_ns = self._clock_ns = 0
         self._looked_s = float("-inf")
         self._writer = self._new_part()
+
+    def files(self) -> list[Path]:
+        """What holds the recording so far."""
+        return list(self.parts)
 
     @property
     def unwritten(self) -> Counter[str]:
@@ -207,7 +211,6 @@ class PartedWriter:
                     publish_time_ns=message.publish_time_ns,
                     sequence=message.sequence,
                 )
-            self._repeated = len(self._latched)
             self._make_room(self._limits.keep)
 
     def close(self, end: RunEnd) -> None:
@@ -217,7 +220,7 @@ class PartedWriter:
             RecordingError: the disk fails now.
         """
         with self._watched():
-            self._writer.close(msgspec.structs.replace(end, repeated=self._repeated))
+            self._writer.close(end)
 
     def __enter__(self) -> PartedWriter:
         return self
@@ -240,7 +243,7 @@ class PartedWriter:
 
     def _new_part(self) -> RecordingWriter:
         path = part_path(self.path, self._part) if self._part else self.path
-        header = msgspec.structs.replace(self._header, part=self._part)
+        header = msgspec.structs.replace(self._header, part=self._part, repeated=len(self._latched))
         writer = RecordingWriter(
             path, header, attachments=self._attachments, **self._safety._asdict()
         )
@@ -280,7 +283,6 @@ class PartedWriter:
             recorded=recorded,
             dropped=dropped,
             gaps=self._gaps,
-            repeated=self._repeated,
         )
 
 

@@ -97,6 +97,10 @@ class Source:
             raise self.damaged(f"ends {length - len(data)} bytes early", offset)
         return data
 
+    def refresh(self) -> None:
+        """See how far the file has grown."""
+        self.size = os.fstat(self._file.fileno()).st_size
+
     def damaged(self, what: str, offset: int) -> RecordingError:
         """The error for something wrong at an offset."""
         return RecordingError(what, where=f"{self.name} at byte {offset}")

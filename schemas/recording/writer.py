@@ -147,6 +147,13 @@ class RecordingWriter:
         self._pending[channel] += 1
         self._add(channel, log_time_ns, payload, publish_time_ns, sequence)
 
+    def files(self) -> list[Path]:
+        """What holds the recording so far: one file."""
+        return [self.path]
+
+    def split(self) -> None:
+        """Goes on as it is, in its one file."""
+
     def write_statistics(self, statistics: messages.Statistics) -> None:
         """Record the recorder's own counts on channel `crossfix.stats`."""
         if self.error is not None:

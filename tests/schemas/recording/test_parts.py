@@ -51,8 +51,7 @@ def record(path: Path, limits: Limits, stream: list[Written] = STREAM) -> Parted
 def own(path: Path) -> list[Written]:
     """The messages of a part but for those that it repeats."""
     with open_recording(path) as recording:
-        assert recording.end is not None
-        return everything(recording)[recording.end.repeated :]
+        return everything(recording)[recording.header.repeated :]
 
 
 @pytest.mark.parametrize("limits", [Limits(part_bytes=100_000), Limits(part_s=0.35)])
@@ -78,7 +77,7 @@ def test_every_part_can_be_read_alone(path: Path) -> None:
             assert recording.end is not None
             last = number == len(writer.parts)
             assert recording.end.reason == (DONE.reason if last else NEXT_PART)
-            first = everything(recording)[: recording.end.repeated]
+            first = everything(recording)[: recording.header.repeated]
             assert {w.key for w in first} == (latched if number > 1 else set())
 
 
@@ -87,8 +86,7 @@ def test_a_part_begins_with_the_latched_values_of_its_first_instant(path: Path) 
     for part in writer.parts[1:]:
         begin_ns = own(part)[0].log_time_ns
         with open_recording(part) as recording:
-            assert recording.end is not None
-            repeated = everything(recording)[: recording.end.repeated]
+            repeated = everything(recording)[: recording.header.repeated]
         for found in repeated:
             before = [w for w in STREAM if w.key == found.key and w.log_time_ns < begin_ns]
             assert found.payload == before[-1].payload

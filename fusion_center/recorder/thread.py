@@ -10,17 +10,12 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from queue import SimpleQueue
 from types import TracebackType
-from typing import NamedTuple, Protocol
 
-import msgspec
-
-from schemas import codec, keys
+from schemas import keys
 from schemas.bus.interface import Inbox, Sample
-from schemas.bus.latched import fetch
-from schemas.bus.ledger import Ledger, Seen, StreamKey
+from schemas.bus.ledger import StreamKey
 from schemas.bus.member import Member
-from schemas.bus.recovery import Gap, Recovery
-from schemas.bus.roster import Life
+from schemas.bus.recovery import Gap
 from schemas.errors import RecordingError, WireError
 from schemas.messages import (
     Closed,
@@ -28,17 +23,16 @@ from schemas.messages import (
     KeyStatistics,
     Statistics,
     Step,
-    TruthScenario,
 )
-from schemas.recording.contents import RunEnd, RunHeader, hash_of, run_attachments
-from schemas.recording.fingerprint import installed_versions, numeric_fingerprint
-from schemas.recording.parts import ONE_FILE, Limits, PartedWriter, Safety
-from schemas.recording.writer import Counts
+from schemas.recording.contents import RunEnd
 
-from .counts import MAX_COUNT, UNKNOWN, StreamCounts
-from .lives import Lives
-from .recorded_keys import EVERYTHING, MAX_ROWS, OTHERS, Row, Rows, Wanted
-from .screening import Screen, Screened, Source, source_of
+from ..counts import UNKNOWN, StreamCounts
+from ..lives import Lives
+from ..screening import Screen, Screened, Source, source_of
+from .commands import Commands
+from .gaps import Gaps
+from .rows import EVERYTHING, MAX_ROWS, OTHERS, Row, Rows, Wanted
+from .sink import Sink
 
 log = logging.getLogger("recorder")
 
@@ -48,107 +42,6 @@ QUEUE_BYTES = 256 * 1024 * 1024
 HOLD_BACK_BYTES = 16 * 1024 * 1024
 """A queue longer than this holds back the acknowledgement of the fusion centre."""
 FINISH_S = 10.0
-PATIENCE_S = 30.0
-"""Nobody waits for a gap in a recording, so it is asked for as long as its owner may have it."""
-
-
-class Sink(Protocol):
-    """What a recording is written by: `RecordingWriter`, or `PartedWriter`."""
-
-    @property
-    def counts(self) -> Counts:
-        """As of now."""
-
-    @property
-    def unwritten(self) -> Counter[str]:
-        """Of the messages taken, those that the disk then did not take, by key."""
-
-    def write(
-        self,
-        key: str,
-        payload: bytes,
-        encoding: str,
-        *,
-        log_time_ns: int,
-        publish_time_ns: int,
-        sequence: int,
-    ) -> None:
-        """Record a sample."""
-
-    def write_statistics(self, statistics: Statistics) -> None:
-        """Record the recorder's own counts."""
-
-    def tick(self, now_s: float) -> None:
-        """Flush what has waited long enough."""
-
-    def close(self, end: RunEnd) -> None:
-        """Seal the file."""
-
-
-class How(NamedTuple):
-    """How a run is recorded.
-
-    Attributes:
-        limits: when the file is full; safety: what a crash may cost; wanted: which keys.
-    """
-
-    limits: Limits = ONE_FILE
-    safety: Safety = Safety()
-    wanted: Wanted = EVERYTHING
-
-
-def record_run(
-    member: Member,
-    path: Path,
-    max_loss_s: float,
-    timeout_s: float,
-    how: How = How(),  # noqa: B008 - a constant
-) -> tuple[Recorder, DeclaredScenario]:
-    """Begin the recording of a run, as soon as its world is there; the declared scenario with it.
-
-    The truth goes into the file and no further: the fusion centre is handed the declared part.
-
-    Raises:
-        BusError: no world came in time.
-        RecordingError: the file exists or cannot be written.
-    """
-    bus, run = member.buses.data, member.run
-    latched = fetch(bus, keys.SCENARIO, run, timeout_s=timeout_s)
-    hidden = fetch(bus, keys.TRUTH_SCENARIO, run, timeout_s=timeout_s)
-    scenario = codec.decode(DeclaredScenario, latched.payload, latched.encoding)
-    truth = codec.decode(TruthScenario, hidden.payload, hidden.encoding)
-    safety = how.safety._replace(max_loss_s=max_loss_s)
-    recorder = begin(member, path, how._replace(safety=safety), scenario, truth)
-    recorder.start(latched, hidden)
-    return recorder, scenario
-
-
-def begin(
-    member: Member,
-    path: Path,
-    how: How,
-    scenario: DeclaredScenario | None,
-    truth: TruthScenario | None,
-) -> Recorder:
-    """A recorder with its file; `start` sets it to work.
-
-    Raises:
-        RecordingError: the file exists or cannot be written.
-    """
-    config = msgspec.json.encode(scenario.fusion) if scenario else b""
-    header = RunHeader(
-        run=member.run,
-        scenario=scenario.name if scenario else "",
-        config_hash=hash_of(config) if scenario else "",
-        created_ns=time.time_ns(),
-        versions=installed_versions(),
-        fingerprint=numeric_fingerprint(),
-    )
-    attachments = run_attachments(scenario, truth, config) if scenario else []
-    writer = PartedWriter(
-        path, header, attachments=attachments, limits=how.limits, safety=how.safety
-    )
-    return Recorder(member, writer, scenario, how.wanted)
 
 
 class Queue(Inbox[Sample]):
@@ -178,7 +71,8 @@ class Recorder:
         lives: who takes part, entered by the fusion centre; what others say is recorded too, as
             far as there is room, but not missed.
         paused: nothing is written meanwhile, and what passes is not missed later.
-        ended: the world has said that no step follows.
+        step: the last one that the world has granted; ended: it has said that none follows.
+        claimed: the last message of each stream that a Closed of the fusion centre names.
     """
 
     def __init__(
@@ -192,18 +86,18 @@ class Recorder:
         self._inbox = Queue(QUEUE_BYTES)
         self.lives = Lives(carrier.name for carrier in scenario.carriers) if scenario else Lives()
         self.paused = self.ended = False
+        self.step = 0
+        self.commands: Commands | None = None
         self.claimed: dict[StreamKey, int] = {}
-        self._ledger = Ledger()
-        self._screen = Screen(scenario, self.lives, self._ledger.forget)
-        self._counts = StreamCounts(self.lives)
         self._rows = Rows(wanted)
-        self._recovery = Recovery(member.run, member.buses.data, self._inbox, PATIENCE_S)
+        self._gaps = Gaps(member, self._inbox, self.lives, self._rows)
+        self._screen = Screen(scenario, self.lives, self._gaps.forget)
+        self._counts = StreamCounts(self.lives)
         self._clock_ns = scenario.epoch_ns if scenario else time.time_ns()
         self._has_steps = scenario is not None
-        self._taken = self._repeated = self._passed_over = self._unwritten = self._gaps = 0
+        self._taken = self._repeated = self._passed_over = self._unwritten = 0
         self._statistics_s = float("-inf")
         self._finish_by_s = float("inf")
-        self._expected: Mapping[StreamKey, int] = {}
         self._given_up: Sequence[Gap] = ()
         self._orders: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._reason = "interrupted"
@@ -228,7 +122,6 @@ class Recorder:
         for sample in latched:
             self._inbox.put(sample, len(sample.payload))
         self._member.buses.data.subscribe(keys.everything(self._member.run), self._inbox)
-        self._member.announce()
         self._thread.start()
 
     def keeps_up(self) -> bool:
@@ -238,6 +131,18 @@ class Recorder:
     def error(self) -> RecordingError | None:
         """What ended the recording early."""
         return self._error
+
+    def split(self) -> None:
+        """Go on in a new part; by an order only."""
+        self._writer.split()
+
+    def flush(self) -> None:
+        """Bring what has come so far into the file; by an order only."""
+        self._writer.flush()
+
+    def files(self) -> list[Path]:
+        """What holds the recording so far."""
+        return self._writer.files()
 
     def order(self, action: Callable[[], None]) -> None:
         """Have something done between two samples, by the thread that writes."""
@@ -254,8 +159,8 @@ class Recorder:
             "repeated": self._repeated,
             "passed_over": self._passed_over,
             "dropped": self._inbox.drops + self._unwritten,
-            "fetched": self._recovery.fetched,
-            "gaps": self._gaps,
+            "fetched": self._gaps.fetched,
+            "gaps": self._gaps.never_had,
             "disk_errors": int(self._error is not None),
         }
 
@@ -272,11 +177,13 @@ class Recorder:
             expected: the last message of each stream.
             given_up: what of it is not waited for any longer.
         """
-        self._reason, self._expected, self._given_up = reason, expected, given_up
+        self._reason, self._gaps.expected, self._given_up = reason, expected, given_up
         self._finish_by_s = time.monotonic() + FINISH_S
         self._inbox.wake()
         self._thread.join()
-        self._recovery.close()
+        self._gaps.close()
+        if self.commands is not None:
+            self.commands.close(FINISH_S)
 
     def _work(self) -> None:
         while not self._is_done():
@@ -287,7 +194,8 @@ class Recorder:
                 self._record(sample)
             while not self._orders.empty():
                 self._watched(self._orders.get())
-            self._mind_the_gaps()
+            given_up, self._given_up = self._given_up, ()
+            self._gaps.pursue(given_up)
             self._note_statistics()
             self._watched(lambda: self._writer.tick(time.monotonic()))
         self._watched(lambda: self._writer.close(self._end()))
@@ -348,7 +256,7 @@ class Recorder:
             RecordingError: the disk fails.
         """
         message, stream, seq = screened.message, screened.stream, screened.seq
-        if seq and self._is_repeated(stream, seq, sample.key):
+        if seq and self._gaps.is_repeated(stream, seq, sample.key):
             row.repeated += 1
             self._repeated += 1
             return
@@ -368,59 +276,22 @@ class Recorder:
         )
         row.recorded += 1
 
-    def _is_repeated(self, stream: StreamKey, seq: int, key: str) -> bool:
-        """Account for a message; whether it has been here.
-
-        Raises:
-            WireError: it cannot be accounted for.
-        """
-        highest = self._ledger.highest(stream)
-        if self._ledger.is_absurd(stream, seq):
-            raise WireError(f"seq jumps from {highest}", got=seq)
-        if not highest:
-            self._rows.bind(stream, key)
-        seen = self._ledger.note(stream, seq)
-        if seen is Seen.REFUSED:
-            raise WireError("more gaps in seq than can be remembered", got=seq)
-        return seen is Seen.DUPLICATE
-
     def _heed(self, message: Step | Closed, topic: keys.Topic) -> None:
         """Follow the time of the run and what a whole recording of it holds."""
         if isinstance(message, Step):
             self._clock_ns = max(self._clock_ns if self._has_steps else 0, message.t_ns)
             self._has_steps = True
+            self.step = max(self.step, message.step)
             self.ended = self.ended or bool(message.ended)
         elif topic is keys.CLOSED_FUSION:
             for end in message.manifest:
                 self.claimed[StreamKey(end.carrier, end.boot, end.stream)] = end.last_seq
 
-    def _mind_the_gaps(self) -> None:
-        gaps = [gap for gap in self._ledger.gaps() if self._is_missed(gap[0])]
-        for key, last in self._expected.items():
-            gaps += [(key, *span) for span in self._ledger.missing(key, last)]
-        hopeless = self._recovery.pursue(gaps, time.monotonic())
-        given_up, self._given_up = self._given_up, ()
-        for gap in (*hopeless, *given_up):
-            self._give_up(*gap)
-
-    def _give_up(self, key: StreamKey, first: int, last: int) -> None:
-        for start, end in self._ledger.missing(key, last):
-            if end >= first:
-                missed = end - max(start, first) + 1
-                self._gaps = min(MAX_COUNT, self._gaps + missed)
-                self._rows.gap(key, missed)
-                log.warning("never had: %s %s %d..%d", key.process, key.stream, start, end)
-        self._ledger.give_up(key, first, last)
-
-    def _is_missed(self, stream: StreamKey) -> bool:
-        return not stream.boot or Life(stream.process, stream.boot) in self.lives
-
     def _is_done(self) -> bool:
         now_s = time.monotonic()
         if self._finish_by_s == float("inf") or len(self._inbox):
             return False
-        whole = all(self._ledger.through(key) >= last for key, last in self._expected.items())
-        return whole or self._error is not None or now_s > self._finish_by_s
+        return self._gaps.is_whole or self._error is not None or now_s > self._finish_by_s
 
     def _note_statistics(self) -> None:
         now_s = time.monotonic()
@@ -453,7 +324,7 @@ class Recorder:
             received=self._taken + self._inbox.drops,
             recorded=self._writer.counts.recorded,
             dropped=self._inbox.drops + self._unwritten,
-            gaps=self._gaps,
+            gaps=self._gaps.never_had,
             rejected=self._counts.rejected,
             rejections=self._counts.rejections(),
         )
