@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from estimation.arrays import Array, ArrayLike, Indices
 
 _BATCH = 2000  # candidates solved together: the solver's time grows with rows squared
-_PASSES, _SETTLED = 100, 1e-6
+_PASSES, _SETTLED = 50, 1e-4
 _LARGEST = 300.0  # of a log ratio, so that its exponential is finite
 
 

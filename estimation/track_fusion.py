@@ -4,7 +4,7 @@ A track carries all its source has ever measured, and all tracks of a target sha
 motion. So a track is never a fresh measurement: what a filter learnt since its last report
 (`estimation.relative_frame.tracks.equivalent_measurement`) adds to the centre's information as the
 measurements themselves would; where that is not sent, covariance intersection assumes nothing of
-what the two have in common. A ledger sees to it that no interval of a source counts twice.
+what the two have in common. No interval counts twice: `estimation.ledger`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimation.arrays import Array, Indices, transposed
 from estimation.relative_frame.matrices import inverse, times
@@ -31,22 +30,6 @@ class Intersected(NamedTuple):
 
     track: TrackLog
     weight: Array
-
-
-class Ledger(NamedTuple):
-    """Up to when what a source's tracks say has been counted, as columns sorted by key.
-
-    Attributes:
-        key: (n,) a number for each track of each source, for good.
-        until_ns: (n,) end of the last interval counted.
-    """
-
-    key: NDArray[np.int64]
-    until_ns: NDArray[np.int64]
-
-
-EMPTY_LEDGER = Ledger(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
-"""Nothing counted yet."""
 
 
 def predicted(track: TrackLog, model: MotionModel) -> TrackLog:
@@ -106,41 +89,6 @@ def covariance_intersection(track: TrackLog, said: Increment) -> Intersected:
     surprise = (1.0 - share) * (said.vector - times(said.matrix, track.state))
     state = track.state + times(covariance, surprise)
     return Intersected(TrackLog(state, covariance), weight)
-
-
-def counted(
-    ledger: Ledger,
-    key: NDArray[np.int64],
-    begin_ns: NDArray[np.int64],
-    end_ns: NDArray[np.int64],
-) -> tuple[NDArray[np.bool_], Ledger]:
-    """Which intervals (begin, end] are news, and the ledger with those entered.
-
-    An interval that begins before the last one of its key ended holds something that was counted
-    already, and is refused as a whole; a hole between two is lost information and does no harm.
-    Plots of the source belong in the same ledger, from the plot before to this one.
-
-    Args:
-        ledger: so far.
-        key: (K,) of the source's track.
-        begin_ns: (K,) time of the report the filter was predicted from; end_ns: of this one.
-    """
-    until = dict(zip(ledger.key.tolist(), ledger.until_ns.tolist(), strict=True))
-    fresh = np.zeros(len(key), dtype=np.bool_)
-    for k in np.lexsort((begin_ns, end_ns)).tolist():
-        name, begin, end = int(key[k]), int(begin_ns[k]), int(end_ns[k])
-        fresh[k] = begin < end and until.get(name, begin) <= begin
-        if fresh[k]:
-            until[name] = end
-    keys = np.array(sorted(until), dtype=np.int64)
-    ends = np.array([until[name] for name in keys.tolist()], dtype=np.int64)
-    return fresh, Ledger(keys, ends)
-
-
-def forgotten(ledger: Ledger, before_ns: int) -> Ledger:
-    """The ledger without what ended before an instant that no report can reach back to."""
-    kept = ledger.until_ns >= before_ns
-    return Ledger(ledger.key[kept], ledger.until_ns[kept])
 
 
 def _least_determinant(covariance: Array, information: Array) -> Array:

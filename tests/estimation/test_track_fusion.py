@@ -7,12 +7,10 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from bench.joint_fusion import track_logs
+from estimation.ledger import EMPTY_LEDGER, counted
 from estimation.relative_frame import Increment, TrackLog
 from estimation.track_fusion import (
-    EMPTY_LEDGER,
-    counted,
     covariance_intersection,
-    forgotten,
     information_of,
     predicted,
     with_increments,
@@ -112,21 +110,6 @@ def test_increments_of_several_sources_meet_their_own_tracks() -> None:
         one = with_increments(one, log, np.array([0]))
     np.testing.assert_allclose(together.state[2], one.state[0], rtol=1e-10)
     np.testing.assert_allclose(together.covariance[2], one.covariance[0], rtol=1e-10)
-
-
-def test_an_increment_may_be_lost_but_not_counted_twice() -> None:
-    key = np.array([7, 7, 7, 9, 7, 9])
-    begin = np.array([0, 0, 10, 5, 15, 5])
-    end = np.array([10, 10, 20, 8, 25, 5])
-    fresh, ledger = counted(EMPTY_LEDGER, key, begin, end)
-    assert fresh.tolist() == [True, False, True, True, False, False]
-    assert ledger.key.tolist() == [7, 9]
-    assert ledger.until_ns.tolist() == [20, 8]
-    fresh, ledger = counted(
-        ledger, np.array([7, 9, 7]), np.array([10, 8, 40]), np.array([20, 9, 50])
-    )
-    assert fresh.tolist() == [False, True, True]  # the hole from 20 to 40 is only lost
-    assert forgotten(ledger, 30).key.tolist() == [7]
 
 
 def test_repeated_reports_leave_the_track_honest(recording: track_logs.Recording) -> None:
