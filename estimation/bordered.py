@@ -131,6 +131,26 @@ class Solution(NamedTuple):
         return inverse(self.factored.information)
 
 
+class Descent(NamedTuple):
+    """Where steps led.
+
+    Attributes:
+        x: (n, b).
+        theta: (T,).
+        at: the problem about them.
+        normal: its normal equations, of the last step but one where it promised no gain.
+        converged: that it did.
+        steps: how many were tried.
+    """
+
+    x: Array
+    theta: Array
+    at: Linearised
+    normal: Normal | None
+    converged: bool
+    steps: int
+
+
 Linearise = Callable[[Array, Array], Linearised]
 
 
@@ -143,22 +163,28 @@ def minimise(linearise: Linearise, x: Array, theta: Array, most: int = 50) -> So
         theta: (T,) start.
         most: steps to try at the most.
     """
-    at, damping = linearise(x, theta), 0.0
-    normal = normal_equations(at)
-    promised = False
-    for count in range(1, most + 1):  # noqa: B007  (how many it took is told)
+    end = descend(linearise, x, theta, most)
+    normal = end.normal or normal_equations(end.at)
+    return Solution(end.x, end.theta, factor(normal), end.at.cost, end.converged, end.steps)
+
+
+def descend(linearise: Linearise, x: Array, theta: Array, most: int) -> Descent:
+    """The steps of `minimise`, nothing factored at the end."""
+    at, normal, damping = linearise(x, theta), None, 0.0
+    for count in range(1, most + 1):
+        normal = normal or normal_equations(at)
         step_x, step_theta, gain = _step(normal, x.shape, damping)
-        promised = bool(gain < _STILL)
         there = linearise(x + step_x, theta + step_theta)
-        if there.cost <= at.cost or promised:
-            x, theta, at = x + step_x, theta + step_theta, there
-            normal = normal if promised else normal_equations(at)
+        if gain < _STILL and damping == 0:
+            return Descent(x + step_x, theta + step_theta, there, normal, True, count)
+        if there.cost <= at.cost:
+            x, theta, at, normal = x + step_x, theta + step_theta, there, None
             damping = damping * _SOFTER if damping > _DAMPING else 0.0
+        elif damping > _HOPELESS:
+            break
         else:
             damping = max(damping * _HARDER, _DAMPING)
-        if (promised and damping == 0) or damping > _HOPELESS:
-            break
-    return Solution(x, theta, factor(normal), at.cost, promised, count)
+    return Descent(x, theta, at, normal, False, count)
 
 
 def normal_equations(at: Linearised) -> Normal:
@@ -167,19 +193,21 @@ def normal_equations(at: Linearised) -> Normal:
     n, _, b = chain.by_epoch.shape
     count = chain.by_theta.shape[2]
     now = np.concatenate([chain.by_epoch, chain.by_theta, chain.residual[..., None]], axis=2)
-    before = chain.by_previous[1:]
+    before = transposed(chain.by_previous[1:])
     summed = transposed(chain.by_epoch) @ now
-    summed[:-1, :, :b] += transposed(before) @ before
-    summed[:-1, :, b:] += transposed(before) @ now[1:, :, b:]
+    ahead = before @ now[1:]
+    summed[:-1, :, :b] += before @ chain.by_previous[1:]
+    summed[:-1, :, b:] += ahead[:, :, b:]
     rows = np.concatenate([seen.by_epoch, seen.by_theta, seen.residual[:, None]], axis=1)
     outer = seen.by_epoch[:, :, None] * rows[:, None, :]
-    summed += _by_epoch(seen.epoch, n, outer.reshape(len(rows), -1)).reshape(summed.shape)
-    coupling = transposed(before) @ now[1:, :, :b]
+    summed += _by_epoch(seen.epoch, n, outer.reshape(len(rows), b * rows.shape[1])).reshape(
+        summed.shape
+    )
     constants = np.concatenate([chain.by_theta.reshape(-1, count), seen.by_theta])
     constants = np.concatenate([constants, at.known_by_theta])
     residuals = [chain.residual.ravel(), seen.residual, at.known_residual]
     return Normal(
-        band=_band(summed[:, :, :b], coupling),
+        band=_band(summed[:, :, :b], ahead[:, :, :b]),
         border=summed[:, :, b:-1].reshape(n * b, count),
         corner=constants.T @ constants,
         pull_x=-summed[:, :, -1].ravel(),

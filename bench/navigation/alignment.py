@@ -11,17 +11,14 @@ from functools import partial
 
 import numpy as np
 
-from bench.figures import Figure, at_least, at_most, between, near, scaled_seconds, seconds, told
+from bench.figures import Figure, at_least, at_most, between, near, scaled_seconds, told
 from bench.navigation.circling import (
-    HALF_RANGE_M,
-    ROOT3,
     Flight,
     Score,
     aligned,
     flight,
     papers,
     score,
-    truth_of,
     with_late_ranges,
 )
 from estimation.system_alignment import (
@@ -151,9 +148,12 @@ def _scale(seed: int, runs: int, scale: float = 0.065) -> Iterator[Figure]:
     found = [aligned(one) for one in flown]
     errors = np.array([a.theta[4] - scale for a in found])
     sigmas = np.array([np.sqrt(a.covariance[4, 4]) for a in found])
-    yield told("range scale 6.5 %: RMSE of the scale", 100 * float(np.sqrt(np.mean(errors**2))), "%")
+    yield told(
+        "range scale 6.5 %: RMSE of the scale", 100 * float(np.sqrt(np.mean(errors**2))), "%"
+    )
     yield between(
-        "range scale 6.5 %: squared error by its variance", float(np.mean((errors / sigmas) ** 2)),
+        "range scale 6.5 %: squared error by its variance",
+        float(np.mean((errors / sigmas) ** 2)),
         *_chi_square_band(runs),
     )
 

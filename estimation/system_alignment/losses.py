@@ -14,7 +14,7 @@ from estimation.arrays import Array
 
 Loss: TypeAlias = Callable[[Array], tuple[Array, Array]]
 
-_HUBER = 2.0  # sigmas; errors without tails stay below it
+_HUBER = 2.5  # sigmas; errors without tails stay below it
 _CAUCHY = 3.0
 _BEYOND = 3.5  # sigmas past which a residual is no measurement of its beacon
 
@@ -25,7 +25,7 @@ def squares(residual: Array) -> tuple[Array, Array]:
 
 
 def huber(residual: Array) -> tuple[Array, Array]:
-    """Convex: squares up to 2 sigma, straight beyond. Finds the neighbourhood from afar."""
+    """Convex: squares up to 2.5 sigma, straight beyond. Finds the neighbourhood from afar."""
     size = np.abs(residual)
     weight = np.minimum(1.0, _HUBER / np.maximum(size, 1e-12))
     return np.where(size <= _HUBER, size**2, _HUBER * (2 * size - _HUBER)), weight

@@ -20,7 +20,7 @@ import numpy as np
 from estimation.arrays import Array
 from estimation.bordered import Chain, Linearised, Observed
 from estimation.frames import rotation_clockwise
-from estimation.system_alignment.logs import DeadReckoning, Ranges
+from estimation.system_alignment.logs import DeadReckoning, Indices, Ranges
 from estimation.system_alignment.losses import Loss, squares
 from estimation.system_alignment.parameters import (
     CLOCK_DRIFT,
@@ -99,10 +99,15 @@ class Model:
         """Unknowns of an epoch: 2, or 3 with a heading's error that walks."""
         return 3 if self.path.turns else 2
 
+    @cached_property
+    def free(self) -> Indices:
+        """Of the constants."""
+        return self.prior.free
+
     def theta(self, free: Array) -> Array:
         """All constants, from those that are free."""
         theta = self.prior.mean.copy()
-        theta[self.prior.free] = free
+        theta[self.free] = free
         return theta
 
     def dead_reckoned(self, free: Array, known: Array | None = None) -> Array:
@@ -137,14 +142,14 @@ class Model:
         chain = self._steps(x, self.theta(free))
         observed, loss = self._ranges(x, free)
         whitener = self.whitener
-        known = whitener @ (free - self.prior.mean[self.prior.free])
+        known = whitener @ (free - self.prior.mean[self.free])
         cost = float(np.sum(chain.residual**2) + loss + known @ known)
         return Linearised(chain, observed, known, whitener, cost)
 
     @cached_property
     def whitener(self) -> Array:
         """(T, T) of the free constants' prior."""
-        free = self.prior.free
+        free = self.free
         covariance = self.prior.covariance[np.ix_(free, free)]
         sigma = np.sqrt(np.diag(covariance))
         root = np.linalg.cholesky(covariance / np.outer(sigma, sigma))
@@ -171,7 +176,7 @@ class Model:
         scale = (root / self.logs.sigma_m)[:, None]
         by_epoch = np.zeros((len(value), self.block))
         by_epoch[:, :2] = scale * by_place
-        by_free = scale * by_theta[:, self.prior.free]
+        by_free = scale * by_theta[:, self.free]
         return Observed(self.logs.epoch, root * residual, by_epoch, by_free), float(cost.sum())
 
     def _steps(self, x: Array, theta: Array) -> Chain:
@@ -197,7 +202,7 @@ class Model:
             (whitener @ residual[..., None])[..., 0],
             -whitener,
             whitener @ by_epoch,
-            whitener @ by_theta[:, :, self.prior.free],
+            whitener @ by_theta[:, :, self.free],
         )
 
     @cached_property

@@ -82,8 +82,8 @@ def diagnosis(model: Model, free: Array, information: Array) -> Diagnosis:
     scaled = root.T @ information @ root
     values, axes = np.linalg.eigh((scaled + scaled.T) / 2)  # the prior's share is 1 each
     ratios = 1 / np.sqrt(np.maximum(values, 1))
-    hidden = axes[:, ratios >= _UNDETERMINED].astype(float)
-    found = tuple(_named(model, free, hidden, root))
+    hidden = axes[:, ratios >= _UNDETERMINED]
+    found = tuple(_named(model, free, hidden, root.astype(float)))
     return Diagnosis(ratios, found, _sentence(ratios, found))
 
 
@@ -94,7 +94,7 @@ def _named(model: Model, free: Array, hidden: Array, root: Array) -> Iterator[Di
     """
     if hidden.shape[1] == 0:
         return
-    named = [(n, m[model.prior.free]) for n, m in _motions(model, model.theta(free))]
+    named = [(n, m[model.free]) for n, m in _motions(model, model.theta(free))]
     scaled = [model.whitener @ motion for _, motion in named]
     lengths = [max(float(np.linalg.norm(motion)), 1e-9) for motion in scaled]
     while hidden.shape[1]:
@@ -106,14 +106,14 @@ def _named(model: Model, free: Array, hidden: Array, root: Array) -> Iterator[Di
             break
         yield Direction(named[best][0], _full(model, named[best][1] / lengths[best]))
         hidden = _without(hidden, within[best])
-    names = [model.prior.names[i] for i in model.prior.free]
+    names = [model.prior.names[i] for i in model.free]
     for axis in hidden.T:
         yield Direction(_by_shares(axis, names), _full(model, root @ axis))
 
 
 def _motions(model: Model, theta: Array) -> Iterator[tuple[str, Array]]:
     """Motions of the constants (7 + 4 J,) that some geometry hides, with their names."""
-    path = model.dead_reckoned(theta[model.prior.free])[:, :2]
+    path = model.dead_reckoned(theta[model.free])[:, :2]
     start = np.array([*model.path.start_m, model.path.height_m[0]])
     travelled = np.array([*(path[-1] - start[:2]), 0.0])
     places = theta[places_of(theta)]
@@ -141,7 +141,7 @@ def _of_beacon(theta: Array, beacon: int, motion: ArrayLike) -> Array:
 
 def _height_against_offset(model: Model, beacon: int) -> Array:
     """One metre up, and the offset that undoes the mean change of range."""
-    mean, free = model.prior.mean, model.prior.free
+    mean, free = model.prior.mean, model.free
     logs = model.logs.of(model.logs.beacon == beacon)
     whole = _of_beacon(mean, beacon, [0, 0, 1])
     if len(logs.epoch):
@@ -177,7 +177,7 @@ def _without(hidden: Array, within: Array) -> Array:
 def _full(model: Model, motion: Array) -> Array:
     """A motion of the free constants among all."""
     whole = np.zeros_like(model.prior.mean)
-    whole[model.prior.free] = motion
+    whole[model.free] = motion
     return whole
 
 

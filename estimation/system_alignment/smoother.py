@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 
 from estimation.arrays import Array
-from estimation.bordered import Solution, block_covariances, last_covariance, minimise
+from estimation.bordered import Solution, block_covariances, descend, last_covariance, minimise
 from estimation.system_alignment.least_squares import least_squares
 from estimation.system_alignment.logs import DeadReckoning, Ranges
 from estimation.system_alignment.losses import ROBUST, Loss
@@ -20,7 +20,7 @@ from estimation.system_alignment.parameters import Prior, offsets_of, places_of
 Status = Literal["solved", "not converged", "no ranges"]
 
 _MIRROR_IN_DOUBT = 9.0  # chi2 by which the mirrored height must fit worse
-_SHORT, _FEW, _BRIEF = 25, 2, 4  # epochs to begin with; steps before more come in; before a loss
+_SHORT, _FEW = 25, 2  # epochs to begin with; steps before more come in
 _PATIENT = 20
 _SOFT = (30.0, 5.0)  # times the ranges' sigma
 _TELLS = 0.05  # share of the prior's variance that data must take before they can contradict it
@@ -131,15 +131,7 @@ def align(
     model = Model(path, logs, prior, losses[0])
     free = at[prior.free]
     x, free = (_approached if start is None else _softened)(model, free)
-    for loss in losses[:-1]:
-        model = replace(model, loss=loss)
-        found = minimise(model, x, free, most=_BRIEF)
-        x, free = found.x, found.theta
-        if _trusts_all(model, losses[-1], found):
-            break
-    model = replace(model, loss=losses[-1])
-    found = minimise(model, x, free)
-    return _told(model, *_mirrors(model, found))
+    return _told(*_through(losses, model, x, free))
 
 
 def _approached(model: Model, free: Array) -> tuple[Array, Array]:
@@ -153,7 +145,7 @@ def _approached(model: Model, free: Array) -> tuple[Array, Array]:
     while count < n:
         path, logs = model.path.until(int(count)), model.logs.until(int(count))
         part = replace(model, path=path, logs=logs)
-        found = minimise(part, part.dead_reckoned(free, x), free, most=_FEW)
+        found = descend(part, part.dead_reckoned(free, x), free, most=_FEW)
         x, free, count = found.x, found.theta, 2 * count
     return model.dead_reckoned(free, x), free
 
@@ -167,14 +159,27 @@ def _softened(model: Model, free: Array) -> tuple[Array, Array]:
     x = model.dead_reckoned(free)
     for factor in _SOFT:
         logs = model.logs._replace(sigma_m=factor * model.logs.sigma_m)
-        found = minimise(replace(model, logs=logs), x, free, most=_PATIENT)
+        found = descend(replace(model, logs=logs), x, free, most=_PATIENT)
         x, free = found.x, found.theta
     return x, free
 
 
-def _trusts_all(model: Model, last: Loss, found: Solution) -> bool:
-    """Whether the last loss would use every range in full: then nothing lies between."""
-    return bool(np.all(last(model.residuals(found.x, found.theta))[1] == 1))
+def _through(
+    losses: tuple[Loss, ...], model: Model, x: Array, free: Array
+) -> tuple[Model, Solution, Array]:
+    """The minimum of the last loss, reached through the others as far as they are needed."""
+    last = replace(model, loss=losses[-1])
+    for loss in losses[:-1]:
+        model = replace(model, loss=loss)
+        found = minimise(model, x, free)
+        x, free = found.x, found.theta
+        residuals = last.residuals(x, free)
+        weights = last.loss(residuals)[1]
+        if found.converged and np.array_equal(weights, model.loss(residuals)[1]):
+            return last, *_mirrors(last, found)
+        if np.all(weights == 1):
+            break
+    return last, *_mirrors(last, minimise(last, x, free))
 
 
 def _told(model: Model, found: Solution, gap: Array) -> Alignment:
@@ -216,7 +221,7 @@ def _mirrors(model: Model, found: Solution) -> tuple[Solution, Array]:
     beacons = model.prior.beacons
     gap = np.full(beacons, np.inf)
     for beacon, index in enumerate(places_of(model.prior.mean)[:, 2]):
-        place = np.flatnonzero(model.prior.free == index)
+        place = np.flatnonzero(model.free == index)
         if place.size == 0:
             continue
         other = found.theta.copy()
