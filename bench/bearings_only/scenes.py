@@ -105,14 +105,13 @@ def benchmark(
 ) -> Drawn:
     """Runs of one cell; sigma is a third of the limit."""
     chosen = BENCHMARKS[name]
-    t = STEP_S * np.arange(COUNT)
-    given = _geometry(t, own_track(chosen.own, t), limit_arcmin / 3 * MINUTE)
+    given = geometry_of(name, limit_arcmin / 3)
     v = chosen.speed_mps * heading(chosen.course_deg)
     a = {
         "B": chosen.along_mps2 * heading(chosen.course_deg),
         "C": chosen.across_mps2 * heading(chosen.course_deg + 90),
     }.get(kind, 0j)
-    half = t[-1] / 2
+    half = given.t_s[-1] / 2
     middle = 3000j + v * half + a * half**2 / 2
     coefficients = [middle, v + a * half, a][: MOTIONS[kind].degree + 1]
     shape: list[float] = []
@@ -149,6 +148,23 @@ def drawn(
         bound + everyone,
         last.position_m + everyone[:, None],
     )
+
+
+def geometry_of(name: str, sigma_arcmin: float) -> Bearings:
+    """Times and places of a benchmark; its bearings are not yet taken."""
+    t = STEP_S * np.arange(COUNT)
+    return _geometry(t, own_track(BENCHMARKS[name].own, t), sigma_arcmin * MINUTE)
+
+
+def drawn_places(rng: np.random.Generator, geometry: Bearings, places: ComplexArray) -> Drawn:
+    """Noisy bearings of targets at known places (B, N), which follow no motion with a bound."""
+    d = places - (geometry.observer_m[:, 0] + 1j * geometry.observer_m[:, 1])
+    noisy = np.arctan2(d.real, d.imag) + rng.normal(size=d.shape) * geometry.sigma_rad
+    velocity = (places[:, -1] - places[:, -2]) / (geometry.t_s[-1] - geometry.t_s[-2])
+    unknown = np.full(len(places), np.nan)
+    last = np.stack([places[:, -1].real, places[:, -1].imag], axis=1)
+    given = geometry._replace(bearing_rad=noisy)
+    return Drawn(given, np.abs(d[:, -1]), np.abs(velocity), unknown, last)
 
 
 def _geometry(t: Array, own: ComplexArray, sigma: float | Array) -> Bearings:

@@ -25,6 +25,9 @@ from estimation.bearings_only.seeds import (
     n_polynomials,
 )
 
+from estimation.bearings_only.solution import Interval, Solution, Status, VelocityFamily
+from estimation.bearings_only.solving import solve, solve_many
+
 __all__ = [
     "CONSTANT_ACCELERATION",
     "CONSTANT_JERK",
@@ -37,7 +40,11 @@ __all__ = [
     "TWO_LEGS",
     "Bearings",
     "Motion",
+    "Interval",
     "MotionPrior",
+    "Solution",
+    "Status",
+    "VelocityFamily",
     "SeedTrack",
     "bearings",
     "chebyshev_first",
@@ -47,4 +54,6 @@ __all__ = [
     "n_bearings",
     "n_polynomials",
     "polynomial",
+    "solve",
+    "solve_many",
 ]

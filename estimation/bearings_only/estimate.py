@@ -52,6 +52,10 @@ class LineOfSight(NamedTuple):
     range_rate_over_range: Array
     covariance: Array
 
+    def one(self) -> LineOfSight:
+        """Of the first target."""
+        return LineOfSight(*(part[0] for part in self))
+
 
 class Estimate(NamedTuple):
     """Parameters of one motion for B targets; ask it for what has units.
@@ -89,6 +93,38 @@ class Estimate(NamedTuple):
         value, by = self._inverse_range()
         return InverseRange(value, np.sqrt(_quadratic(by, self.covariance)))
 
+    def line_of_sight(self) -> LineOfSight:
+        """Bearing, its rate and range rate by range at the last bearing, (B, ...) each."""
+        own = self.own_velocity()
+        d, by_d = self._relative(0.0, self.scene.observer[-1])
+        ahead, by_ahead = self._relative(_TICK, self.scene.observer[-1] + _TICK * own)
+        behind, by_behind = self._relative(-_TICK, self.scene.observer[-1] - _TICK * own)
+        span = 2 * _TICK * self.scene.half_span_s
+        rate, by_rate = (ahead - behind) / span, (by_ahead - by_behind) / span
+        d = d + 1e-290
+        by = by_rate / d - rate / d**2 * by_d
+        rows = np.stack([-(by_d / d).imag, -by.imag, by.real])
+        covariance = np.einsum("imb,mnb,jnb->bij", rows, self.covariance, rows)
+        value = rate / d
+        return LineOfSight(np.arctan2(d.real, d.imag), -value.imag, value.real, covariance)
+
+    def own_velocity(self) -> ComplexArray:
+        """Of the carrier at the last bearing (1 or B,), lengths a half span."""
+        time, place = np.broadcast_arrays(self.scene.time, self.scene.observer)
+        earlier = time < time[-1] - 1e-9
+        index = np.where(earlier.any(axis=0), earlier[::-1].argmax(axis=0), 0)
+        rows = len(time) - 1 - index
+        columns = np.arange(time.shape[1])
+        since = time[-1] - time[rows, columns]
+        moved = place[-1] - place[rows, columns]
+        return np.where(since > 0, moved / np.where(since > 0, since, 1.0), 0.0)
+
+    def _relative(self, later: float, observer: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """d (B,) and its derivatives (M, B), somewhat later than the last bearing."""
+        scene = self.scene._replace(time=self.scene.time[-1:] + later, observer=observer[None])
+        d, by = directions(scene, self.motion, self.p)
+        return d[0], by[:, 0]
+
     def bearings_rad(self) -> Array:
         """The bearings (B, N) that these parameters predict."""
         d, _ = directions(self.scene, self.motion, self.p)
@@ -96,8 +132,7 @@ class Estimate(NamedTuple):
         return predicted
 
     def _inverse_range(self) -> tuple[Array, Array]:
-        last = self.scene._replace(time=self.scene.time[-1:], observer=self.scene.observer[-1:])
-        d, by_d = (values[..., 0, :] for values in directions(last, self.motion, self.p))
+        d, by_d = self._relative(0.0, self.scene.observer[-1])
         s = self.p[self.motion.scale_row]
         far = np.abs(d) * self.scene.length_m + 1e-290
         by = -s / far * (by_d / (d + 1e-290)).real

@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimation.arrays import Array
 from estimation.bearings_only.criterion import Criterion, criterion
 from estimation.bearings_only.estimate import Estimate
-from estimation.bearings_only.fitting import begun, grid_of, lowest
+from estimation.bearings_only.fitting import BRISK, THOROUGH, Search, begun, grid_of, lowest
 from estimation.bearings_only.linear_algebra import cholesky, log_determinant
 from estimation.bearings_only.measurements import Scene
-from estimation.bearings_only.motions import FAMILY, Motion
+from estimation.bearings_only.motions import FAMILY, FINITE_TURN, THREE_LEGS, Motion
 from estimation.bearings_only.normal_equations import Loss, products
 from estimation.bearings_only.prior import MotionPrior, prior_rows
 
@@ -47,10 +48,28 @@ def hypotheses(
     loss: Loss | None = None,
 ) -> list[Hypothesis]:
     """Every motion fitted to every target."""
-    return [hypothesis(criterion(scene, motion, prior, loss)) for motion in motions]
+    problems = [criterion(scene, motion, prior, loss) for motion in motions]
+    return [hypothesis(problem, grid_of(problem.motion)) for problem in problems]
 
 
-def hypothesis(problem: Criterion, grid: Array | None = None) -> Hypothesis:
+def three_legs(
+    scene: Scene,
+    prior: MotionPrior,
+    tried: Sequence[Hypothesis],
+    loss: Loss | None,
+    columns: NDArray[np.int_],
+) -> Hypothesis:
+    """Two turns, for some targets: from a grid, and from the one turn that was found before."""
+    problem = criterion(scene.take(columns), THREE_LEGS, prior, loss)
+    grids = [np.broadcast_to(grid_of(THREE_LEGS), (*grid_of(THREE_LEGS).shape[:2], len(columns)))]
+    for hypothesis_ in tried:
+        if hypothesis_.estimate.motion.shape_names == FINITE_TURN.shape_names:
+            first = hypothesis_.estimate.p[FINITE_TURN.scale_row + 1 :, columns]
+            grids.append(second_turns(first))
+    return hypothesis(problem, np.concatenate(grids, axis=1), THOROUGH)
+
+
+def hypothesis(problem: Criterion, grid: Array, search: Search = BRISK) -> Hypothesis:
     """The posterior maximum of one motion and its evidence by Laplace's approximation.
 
     Around the maximum the posterior is taken as Gaussian, log E = -cost / 2 + log |P| / 2 -
@@ -59,7 +78,7 @@ def hypothesis(problem: Criterion, grid: Array | None = None) -> Hypothesis:
 
     Source: D. MacKay, Information Theory, Inference and Learning Algorithms, chapter 28.
     """
-    end = lowest(problem, begun(problem, grid_of(problem.motion) if grid is None else grid))
+    end = lowest(problem, begun(problem, grid), search)
     assert problem.prior is not None
     rows = prior_rows(problem.scene, problem.motion, problem.prior, end.p)
     volume = products(rows.residual, rows.jacobian)[1]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,9 +18,24 @@ from estimation.bearings_only.prior import prior_rows
 from estimation.bearings_only.starts import lines_of, misfit, ridge, scales_of, taubin
 
 _RANGE_QUANTILES = (-1.28, 0.0, 1.28)  # of the logarithm, in sigmas: ridge starts
-_TRIED, _FEW_STEPS = 16, 4  # starts from which a few steps are made
-_KEPT, _MANY_STEPS = 5, 40  # of these, the ones followed to the end
 _BLOCK = 512
+
+
+class Search(NamedTuple):
+    """How hard a minimum is looked for.
+
+    Attributes:
+        tried, few: starts from which `few` steps are made.
+        kept, many: of these the best, followed for `many` steps at most.
+    """
+
+    tried: int = 16
+    few: int = 4
+    kept: int = 5
+    many: int = 40
+
+
+BRISK, THOROUGH = Search(), Search(tried=48, few=8, kept=8)
 
 
 def maximum_likelihood(given: Bearings, motion: Motion, loss: Loss | None = None) -> Estimate:
@@ -100,12 +117,12 @@ def _before(problem: Criterion, p: Array) -> Array:
     return np.einsum("rc,rc->c", rows, rows)
 
 
-def lowest(problem: Criterion, starts: Array) -> Minimum:
+def lowest(problem: Criterion, starts: Array, search: Search = BRISK) -> Minimum:
     """The lowest end of descents from starts (T, M, B): a few steps from many, then the best."""
     if len(starts) > 1:
-        starts, _ = _descended_from(problem, starts[:_TRIED], _FEW_STEPS)
-        starts = starts[:_KEPT]
-    _, end = _descended_from(problem, starts, _MANY_STEPS)
+        starts, _ = _descended_from(problem, starts[: search.tried], search.few)
+        starts = starts[: search.kept]
+    _, end = _descended_from(problem, starts, search.many)
     return end
 
 

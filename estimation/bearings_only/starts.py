@@ -40,7 +40,7 @@ class Lines(NamedTuple):
 def lines_of(scene: Scene, motion: Motion, grid: Array) -> Lines:
     """The lines for every shape of a grid (P, G, 1 or B) and every target, shapes outermost."""
     shapes, targets = grid.shape[1], scene.targets
-    shape = np.broadcast_to(grid, (*grid.shape[:2], targets)).reshape(len(grid), -1)
+    shape = np.broadcast_to(grid, (*grid.shape[:2], targets)).reshape(len(grid), shapes * targets)
     if scene.time.shape[1] == 1 and grid.shape[2] == 1:
         f = np.repeat(motion.basis(scene.time, grid[..., 0])[0], targets if motion.path else 1, axis=2)
     else:
