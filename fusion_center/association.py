@@ -37,11 +37,28 @@ def associate(
         gate: chi2 of 2 dof within which coordinates may pair.
     """
     forbidden = _Forbidden(own, other, orders)
-    pairs = _by_order(own, other, orders)
-    pairs += _by_identity(own, other, forbidden, pairs)
+    pairs = certain(own, other, orders)
     if frame is not None:
         pairs += _by_coordinates(own, other, frame, gate, forbidden, pairs)
     return pairs
+
+
+def certain(own: Sightings, other: Sightings, orders: Orders) -> list[Pair]:
+    """Pairs that an operator has bound, and those that bear one identity."""
+    pairs = _by_order(own, other, orders)
+    return pairs + _by_identity(own, other, _Forbidden(own, other, orders), pairs)
+
+
+def ruled_out(own: Sightings, other: Sightings, orders: Orders) -> set[tuple[int, int]]:
+    """Pairs that an operator has forbidden, and those whose identities contradict each other."""
+    forbidden = _Forbidden(own, other, orders)
+    mine = [i for i, name in enumerate(own.identity) if name]
+    theirs = [j for j, name in enumerate(other.identity) if name]
+    out = {(i, j) for i in mine for j in theirs if _contradict(own.identity[i], other.identity[j])}
+    if orders.forbidden:
+        everyone = ((i, j) for i in range(len(own.log)) for j in range(len(other.log)))
+        out |= {pair for pair in everyone if forbidden(*pair)}
+    return out
 
 
 class _Forbidden:

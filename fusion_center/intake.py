@@ -8,9 +8,10 @@ from schemas.messages import Closed, Input, Navigation, SourceInfo, SourceProper
 
 from . import navigation, timeline
 from .coordinates import Observer, places
+from .frames import forgotten
 from .navigation import pose_at, site, way_m
 from .quality import Tally
-from .source_logs import NO_LOGS, instants_ns, with_report
+from .source_logs import NO_LOGS, Rules, instants_ns, with_report
 from .state import CarrierState, Link, Monitor, State
 
 
@@ -29,7 +30,8 @@ def take_part(state: State, closed: Closed) -> State:
     interrupted = set(links) if state.own in closed.lost else set(closed.lost) & set(links)
     for name in sorted(interrupted):
         links[name] = replace(links[name], monitor=Monitor(), own_news=False, other_news=False)
-    return replace(state, carriers=carriers, links=links)
+    window = {k: t for k, t in state.window.items() if _carrier_of(k) not in closed.lost}
+    return replace(state, carriers=carriers, links=links, window=window)
 
 
 def absorb(state: State, message: Input, tally: Tally) -> State:
@@ -65,12 +67,14 @@ def _with_report(state: State, report: SourceReport, tally: Tally) -> State:
     settings = state.settings.logs
     found = places(report, properties, observer, settings.target_altitude_m)
     before = carrier.logs.get(report.stream, NO_LOGS)
-    logs, absorbed = with_report(before, report, found, ways, settings)
+    rules = Rules(settings, state.settings.tracking, properties)
+    logs, absorbed = with_report(before, report, found, ways, rules)
     tally.fused(report, absorbed)
     carrier = replace(carrier, logs={**carrier.logs, report.stream: logs})
     if properties.coordinates != "bearing":
         carrier = replace(carrier, report_t_ns=max(carrier.report_t_ns, report.t_ns))
-        state = replace(state, links=_with_news(state, report.carrier))
+        window = {**state.window, f"{report.carrier}/{report.stream}": report.t_ns}
+        state = replace(state, links=_with_news(state, report.carrier), window=window)
     return replace(state, carriers={**state.carriers, report.carrier: carrier})
 
 
@@ -86,4 +90,10 @@ def _begun_anew(state: State, carrier: str) -> State:
     links = {
         name: Link() if carrier in (name, state.own) else link for name, link in state.links.items()
     }
-    return replace(state, links=links)
+    window = {key: t for key, t in state.window.items() if _carrier_of(key) != carrier}
+    frames = None if carrier == state.own else forgotten(state.frames, carrier)
+    return replace(state, links=links, window=window, frames=frames)
+
+
+def _carrier_of(source: str) -> str:
+    return source.partition("/")[0]

@@ -20,12 +20,15 @@ from schemas.messages import Direction
 from .settings import MonitorSettings
 from .state import Estimate, Monitor
 
+MAX_REASON = 400
+
 
 def after_registration(
     before: Monitor,
     found: Estimate | None,
     settings: MonitorSettings,
     why_none: str = "no pair of logs",
+    remark: str = "",
 ) -> tuple[Monitor, bool]:
     """The monitor after one report event, and whether its estimate is to replace the former one.
 
@@ -33,8 +36,9 @@ def after_registration(
 
     Args:
         found: None where nothing came of it, for the reason `why_none`.
+        remark: why a direction is open, where the geometry says it.
     """
-    open_question = _open_question(found) if found else why_none
+    open_question = _open_question(found, remark) if found else why_none
     alarm = _alarm(found, settings) if found else ""
     if open_question:
         return _undetermined(before, open_question, settings)
@@ -76,14 +80,26 @@ def _held(before: Monitor, reason: str, undetermined: int, excessive: int) -> Mo
     )
 
 
-def _open_question(found: Estimate) -> str:
+def _open_question(found: Estimate, remark: str) -> str:
     """What the data leave open, in words; empty when every direction is determined."""
     weakest = found.directions[0]
-    return "" if weakest.status == "determined" else _sentence(weakest)
+    if weakest.status == "determined":
+        return ""
+    return "; ".join(part for part in (_sentence(weakest), remark) if part)
 
 
 def _sentence(direction: Direction) -> str:
     return f"{direction.name} is {direction.status}: {direction.ratio:.2g} of the prior sigma"
+
+
+def is_excessive(found: Estimate, settings: MonitorSettings) -> bool:
+    """Whether the pairs cannot be believed to agree."""
+    return bool(_alarm(found, settings))
+
+
+def jumped(reason: str) -> Monitor:
+    """After an alarm: what was applied holds no longer, and is to be found anew."""
+    return Monitor(state="suspended", reason=reason)
 
 
 def _alarm(found: Estimate, settings: MonitorSettings) -> str:

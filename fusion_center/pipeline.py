@@ -13,7 +13,7 @@ it repeats the last one; `valid_t_ns` says for when it holds.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from msgspec.structs import replace
@@ -31,9 +31,9 @@ from schemas.messages import (
     Quality,
 )
 
-from . import timeline
+from . import joint, memoryless, timeline
 from .intake import absorb, take_part
-from .links import status, with_registrations
+from .links import status
 from .orders import carry_out
 from .quality import Tally
 from .settings import Settings
@@ -50,6 +50,21 @@ class Published(NamedTuple):
 
 
 Outputs = list[Published]
+
+
+class _Registrar(NamedTuple):
+    """How frames are estimated: what is done before the messages of an instant, and after them."""
+
+    before: Callable[[State, timeline.Instant, Tally], State]
+    after: Callable[[State, Tally], State]
+
+
+_MEMORYLESS = _Registrar(lambda state, instant, tally: state, memoryless.with_registrations)
+_FRAMES = {
+    "joint": _Registrar(joint.ended, joint.completed),
+    "closed_form": _MEMORYLESS,
+    "adjustment": _MEMORYLESS,
+}
 
 
 def initial(scenario: DeclaredScenario, settings: Settings, centre: str = keys.FUSION) -> State:
@@ -84,11 +99,13 @@ def step(state: State, closed: Closed, messages: Sequence[Input | Event]) -> tup
     state = take_part(state, closed)
     tally = _not_fused(batch, closed)
 
-    # target logs -> own axes -> pairs -> relative frames, instant by instant
+    # per-source tracks -> report events (frames: searched for, then followed together)
+    frames = _FRAMES[state.settings.registration.method]
     for instant in batch.instants:
+        state = frames.before(state, instant, tally)
         for message in instant.messages:
             state = absorb(state, message, tally)
-        state = with_registrations(state, tally)
+        state = frames.after(state, tally)
 
     # what is known at the closing
     return _published(state, closed, batch, tally)
@@ -172,4 +189,6 @@ def _correction(state: State, closed: Closed, carrier: str, seq: int) -> Correct
         chi2=estimate.chi2,
         dof=estimate.dof,
         method=estimate.method,
+        mode_probability=estimate.mode_probability,
+        terms=list(estimate.terms),
     )

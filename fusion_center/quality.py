@@ -13,6 +13,8 @@ from .association import Method, Pair
 from .sightings import Sightings
 from .source_logs import Absorbed
 
+MOST_NIS = 1e12
+"""No single misclosure counts for more."""
 _SUREST_FIRST: tuple[Method, ...] = ("operator", "identity", "coordinates")
 
 
@@ -45,7 +47,7 @@ class Tally:
 
     def __init__(self) -> None:
         self._rows: dict[tuple[str, str], _Row] = {}
-        self._matches: dict[str, list[_Match]] = {}
+        self._matches: dict[tuple[str, str], list[_Match]] = {}
         self._seen: dict[str, tuple[str, ...]] = {}
         self._paired: dict[str, set[str]] = {}
 
@@ -91,8 +93,8 @@ class Tally:
         nis: Array,
     ) -> None:
         """The pairs of one registration of (own, other) and their misclosures (L,)."""
-        self._matches.pop(carriers[1], None)  # the order is that of the last registrations
-        self._matches[carriers[1]] = [
+        self._matches.pop(carriers, None)  # the order is that of the last registrations
+        self._matches[carriers] = [
             _Match(own.target(p.own), own.log[p.own], other.log[p.other], p.method) for p in pairs
         ]
         for carrier, logs in zip(carriers, (own, other), strict=True):

@@ -10,37 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace as with_fields
-from typing import NamedTuple
 
-import msgspec
 import numpy as np
-from msgspec.structs import replace
 
 from estimation.arrays import Array, transposed
 from estimation.consistency import nis
-from estimation.frames import (
-    RigidTransform,
-    on_surface,
-    rotation_clockwise,
-    target_from_source,
-    wrap_pi,
-    yaw_rad,
-)
-from estimation.relative_frame import (
-    OwnAxesFrame,
-    PolarLogs,
-    RelativeFrame,
-    RelativeFramePrior,
-    directions,
-    in_own_axes,
-    prior_in_own_axes,
-)
+from estimation.frames import on_surface, rotation_clockwise, yaw_rad
+from estimation.relative_frame import PolarLogs, RelativeFrame, RelativeFramePrior
 from estimation.relative_frame.closed_form import conditions
 from estimation.relative_frame.methods import Method, adjustment, linearised_once
-from schemas.messages import Direction, FixedAxes, OwnAxes, Pose
 
 from .association import Pair
-from .navigation import site, symmetric, upper_triangle
+from .corrections import Misclosure, Poses, estimated
+from .navigation import site
 from .sightings import Sightings
 from .state import Estimate
 
@@ -49,20 +31,6 @@ LEAST_SIGMA_M, LEAST_SIGMA_RAD = 1e-3, 1e-7
 """A prior is never surer than this, so that every ratio to it exists."""
 LEAST_RANGE_M = 1.0
 """A target log nearer to its carrier has no bearing."""
-
-
-class Poses(NamedTuple):
-    """Reported poses of two carriers at one instant, and the transform between their planes."""
-
-    t_ns: int
-    own: Pose
-    other: Pose
-    own_from_other: RigidTransform
-
-
-def poses(t_ns: int, own: Pose, other: Pose) -> Poses:
-    """Two poses with the known transform between their tangent planes."""
-    return Poses(t_ns, own, other, target_from_source(site(own), site(other)))
 
 
 def in_own_plane(other: Sightings, between: Poses) -> Sightings:
@@ -135,58 +103,15 @@ def register(
     if not registered.converged:
         method = "closed_form"
         registered = METHODS[method](own_logs, other_logs, prior)
-    in_own, frame = registered.own_axes, registered.fixed
-    before = prior_in_own_axes(prior)
-    found = directions(in_own.covariance, before.covariance)
-    estimate = Estimate(
-        valid_t_ns=between.t_ns,
-        own_pose=between.own,
-        other_pose=between.other,
-        own_axes=_own_axes(in_own, prior),
-        fixed_axes=_fixed_axes(frame),
-        directions=tuple(
-            Direction(name=d.name, ratio=min(d.ratio, 1e6), status=d.status) for d in found
-        ),
-        pairs=frame.pairs,
-        chi2=min(max(float(frame.chi2), 0.0), 1e18),
-        dof=frame.dof,
-        method=method,
+    estimate = estimated(
+        registered.own_axes,
+        registered.fixed,
+        prior,
+        between,
+        Misclosure(registered.fixed.pairs, float(registered.fixed.chi2), registered.fixed.dof),
+        method,
     )
-    return estimate, _after_correction(own_logs, other_logs, prior, frame)
-
-
-def at(estimate: Estimate, prior: RelativeFramePrior, moved_m: float = 0.0) -> OwnAxesFrame:
-    """An estimate at the reported poses of another instant: its errors of frames stay.
-
-    Args:
-        prior: of that instant; only its reported offset is used.
-        moved_m: sigma per axis by which the reported offset may have gone astray since.
-    """
-    return in_own_axes(_frame(estimate.fixed_axes, moved_m), prior)
-
-
-def predicted(
-    estimate: Estimate, prior: RelativeFramePrior, between: Poses, moved_m: float
-) -> Estimate:
-    """An estimate carried on to an instant at which nothing was measured; see `at`."""
-    frame = _frame(estimate.fixed_axes, moved_m)
-    return replace(
-        estimate,
-        valid_t_ns=between.t_ns,
-        own_pose=between.own,
-        other_pose=between.other,
-        own_axes=_own_axes(in_own_axes(frame, prior), prior),
-        fixed_axes=_fixed_axes(frame),
-    )
-
-
-def within_bounds(estimate: Estimate) -> Estimate:
-    """The estimate itself, if the wire can carry it.
-
-    Raises:
-        ValueError: a number of it is not finite, or lies beyond what the wire allows.
-    """
-    return msgspec.convert(msgspec.to_builtins(estimate), Estimate)
+    return estimate, _after_correction(own_logs, other_logs, prior, registered.fixed)
 
 
 def _polar(logs: Sightings, which: list[int]) -> PolarLogs:
@@ -209,39 +134,3 @@ def _after_correction(
     left = np.array([c.w_x, c.w_y]).T + h @ theta
     s = np.array([[c.s_xx, c.s_xy], [c.s_xy, c.s_yy]]).transpose(2, 0, 1)
     return nis(left, s * (1 + 1e-9) - h @ frame.covariance @ transposed(h))
-
-
-def _own_axes(frame: OwnAxesFrame, prior: RelativeFramePrior) -> OwnAxes:
-    return OwnAxes(
-        east_m=float(frame.q_m[0]),
-        north_m=float(frame.q_m[1]),
-        rotation_rad=float(wrap_pi(frame.D_rad)),
-        covariance=_triangle(frame.covariance),
-        reported_east_m=float(prior.offset_m[0]),
-        reported_north_m=float(prior.offset_m[1]),
-    )
-
-
-def _fixed_axes(frame: RelativeFrame) -> FixedAxes:
-    return FixedAxes(
-        offset_east_m=float(frame.offset_correction_m[0]),
-        offset_north_m=float(frame.offset_correction_m[1]),
-        c1_rad=float(wrap_pi(frame.c1_rad)),
-        c2_rad=float(wrap_pi(frame.c2_rad)),
-        covariance=_triangle(frame.covariance),
-    )
-
-
-def _frame(fixed: FixedAxes, moved_m: float) -> RelativeFrame:
-    """The estimate of a message as `estimation` has it, its offset less sure by `moved_m`."""
-    covariance = symmetric(fixed.covariance, 4)
-    covariance[(0, 1), (0, 1)] += moved_m**2
-    offset = np.array([fixed.offset_east_m, fixed.offset_north_m])
-    c1, c2 = np.array(fixed.c1_rad), np.array(fixed.c2_rad)
-    return RelativeFrame(offset, c1, c2, covariance, np.array(0.0), 0, 0)
-
-
-def _triangle(matrix: Array) -> list[float]:
-    """Upper triangle, row by row."""
-    triangle: list[float] = matrix[upper_triangle(len(matrix))].tolist()
-    return triangle

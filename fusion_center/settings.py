@@ -52,6 +52,33 @@ class LogSettings(Struct, frozen=True, kw_only=True):
     ] = 5000
 
 
+class TrackingSettings(Struct, frozen=True, kw_only=True):
+    """How the plots of one source are made tracks in its own frame."""
+
+    process_noise_m2ps3: Annotated[
+        float,
+        Meta(gt=0, le=1e6, description="spectral density of the targets' manoeuvres, per axis"),
+    ] = 0.5
+    gate: Annotated[
+        float, _positive("chi2 of 2 dof within which a plot may be of a track", 1e4)
+    ] = 16.0
+    clutter_per_scan: Annotated[
+        float, _positive("false or new plots expected of a source beyond what it declares", 1e6)
+    ] = 0.5
+    birth: Annotated[
+        float, Meta(gt=0, lt=1, description="probability that a plot of no track is of a target")
+    ] = 0.2
+    confirm: Annotated[
+        float, Meta(gt=0, lt=1, description="probability from which a track is taken for a target")
+    ] = 0.95
+    give_up: Annotated[
+        float, Meta(gt=0, lt=1, description="probability below which a track is forgotten")
+    ] = 0.02
+    confirm_after: Annotated[
+        int, Meta(ge=1, le=10**4, description="plots of a nameless track before it is confirmed")
+    ] = 3
+
+
 class NavigationSettings(Struct, frozen=True, kw_only=True):
     """How carriers are carried on between and after their navigation messages."""
 
@@ -75,12 +102,34 @@ class AssociationSettings(Struct, frozen=True, kw_only=True):
 
 
 class RegistrationSettings(Struct, frozen=True, kw_only=True):
-    """How the frame of another carrier is estimated from associated pairs."""
+    """How the frames of other carriers are estimated."""
 
     method: Annotated[
-        Literal["closed_form", "adjustment"],
-        Meta(description="paper 000 as published, or the exact iterated adjustment in own axes"),
-    ] = "closed_form"
+        Literal["joint", "closed_form", "adjustment"],
+        Meta(
+            description="all frames followed together over time; or, instant by instant and pair "
+            "by pair, paper 000 as published or the exact iterated adjustment in own axes"
+        ),
+    ] = "joint"
+    trust: Annotated[
+        float,
+        Meta(gt=0.5, lt=1, description="probability of an association above which it is used"),
+    ] = 0.99
+    most_tracks: Annotated[
+        int, Meta(ge=2, le=5000, description="surest tracks of a carrier that are searched")
+    ] = 150
+    drift_memory_s: Annotated[
+        float, _positive("in which a current or an error of the log becomes another one", 1e9)
+    ] = 3600.0
+    drift_m_per_root_s: Annotated[
+        float, Meta(ge=0, le=1e4, description="random walk of a place beside that, per axis")
+    ] = 0.05
+    drift_rad_per_root_s: Annotated[
+        float, Meta(ge=0, le=1, description="random walk of a north beyond what is stated")
+    ] = 1e-5
+    verify_every: Annotated[
+        int, Meta(ge=1, le=10**6, description="report events between two searches from the start")
+    ] = 30
 
 
 class MonitorSettings(Struct, frozen=True, kw_only=True):
@@ -111,6 +160,7 @@ class Settings(Struct, frozen=True, kw_only=True):
         ),
     ] = ""
     logs: LogSettings = LogSettings()
+    tracking: TrackingSettings = TrackingSettings()
     navigation: NavigationSettings = NavigationSettings()
     association: AssociationSettings = AssociationSettings()
     registration: RegistrationSettings = RegistrationSettings()

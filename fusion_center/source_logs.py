@@ -1,4 +1,4 @@
-"""The last two logs of every target of a source, report by report."""
+"""The last two logs of every target of a source and its track, report by report."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.arrays import Array
-from schemas.messages import SourceReport
+from estimation.tracking.source_tracks import Sensing
+from schemas.messages import SourceProperties, SourceReport
 
 from .coordinates import Places
 from .navigation import NS
-from .settings import LogSettings
+from .settings import LogSettings, TrackingSettings
+from .source_tracks import NAMELESS, Plots, filtered, named, sensing, unseen
 from .state import SourceLogs
 
 LEAP_SIGMAS = 6.0
@@ -47,6 +49,8 @@ class Absorbed(NamedTuple):
 
 NO_LOGS = SourceLogs(
     report_seq=0,
+    report_t_ns=-1,
+    born=0,
     key=(),
     identity=(),
     track=(),
@@ -56,11 +60,24 @@ NO_LOGS = SourceLogs(
     place_m=np.zeros((2, 0, 2)),
     covariance=np.zeros((2, 0, 2, 2)),
     altitude_m=np.zeros(0),
+    state=np.zeros((0, 4)),
+    state_covariance=np.zeros((0, 4, 4)),
+    existence=np.zeros(0),
+    hits=np.zeros(0, dtype=np.int64),
+    used_t_ns=np.zeros(0, dtype=np.int64),
 )
 
 
+class Rules(NamedTuple):
+    """How logs are kept and made tracks."""
+
+    logs: LogSettings = LogSettings()
+    tracking: TrackingSettings = TrackingSettings()
+    source: SourceProperties = SourceProperties()
+
+
 def with_report(
-    logs: SourceLogs, report: SourceReport, places: Places, way_m: Array, settings: LogSettings
+    logs: SourceLogs, report: SourceReport, places: Places, way_m: Array, rules: Rules
 ) -> tuple[SourceLogs, Absorbed]:
     """Put the logs of a report before those already known of the same targets.
 
@@ -68,10 +85,18 @@ def with_report(
         places: of the report's logs, relative to its carrier.
         way_m: (n, 2) dead-reckoned way of the carrier at each log.
     """
+    settings = rules.logs
     fresh = _read(report, places, way_m, settings)
+    now = sensing(
+        rules.source,
+        np.concatenate([places.east_north_m, np.zeros((1, 2))]),
+        rules.tracking,
+        settings.max_age_s,
+    )
     twice = {name for name, count in Counter(fresh.key).items() if name and count > 1}
+    fresh, born = _with_nameless(logs, fresh, now)
     single = np.array([name not in twice for name in fresh.key], dtype=np.bool_)
-    known = {name: i for i, name in enumerate(logs.key) if name}
+    known = {name: i for i, name in enumerate(logs.key)}
     previous = np.array([known.get(name, -1) for name in fresh.key], dtype=np.int64)
     newer = fresh.t_ns > np.append(logs.t_ns[0], -1)[previous]
     used = np.flatnonzero(fresh.usable & single & newer)
@@ -80,7 +105,12 @@ def with_report(
 
     taken = {fresh.key[i] for i in used} | twice
     kept = _still_of_use(logs, report, taken, settings)
-    merged = _merged(logs, fresh, used, previous[used], kept, settings)
+    existence = unseen(
+        logs, kept, way_m.mean(axis=0) if len(way_m) else np.zeros(2), report.swept, now
+    )
+    lives = existence > rules.tracking.give_up
+    kept, existence = kept[lives], existence[lives]
+    merged = _merged(logs, fresh, used, previous[used], (kept, existence), (rules, now, born))
     return merged, Absorbed(
         logs=len(report),
         sigma_defaults=int(places.defaulted.sum()),
@@ -91,6 +121,19 @@ def with_report(
         claimed_twice=tuple(sorted(name.partition("/")[2] for name in twice)),
         recycled=tuple(sorted(fresh.key[i].partition("/")[2] for i in leapt)),
     )
+
+
+def _with_nameless(logs: SourceLogs, fresh: _Fresh, now: Sensing) -> tuple[_Fresh, int]:
+    """The logs with names for those that have none, and how many such names there are."""
+    nameless = np.array([not key for key in fresh.key], dtype=np.bool_)
+    which = np.flatnonzero(nameless & fresh.usable)
+    if not which.size:
+        return fresh, logs.born
+    names, born = named(logs, fresh.plots, which, now)
+    key, track = list(fresh.key), list(fresh.track)
+    for i, name in zip(which, names, strict=True):
+        key[i] = track[i] = name
+    return fresh._replace(key=key, track=track), born
 
 
 @np.errstate(all="ignore")  # numbers from the wire may be anything within its bounds
@@ -116,6 +159,7 @@ class _Fresh(NamedTuple):
     """The logs of a report in the terms of `SourceLogs`."""
 
     seq: int
+    stamp_ns: int
     key: list[str]
     identity: list[str]
     track: list[str]
@@ -126,6 +170,12 @@ class _Fresh(NamedTuple):
     place_m: Array
     covariance: Array
     altitude_m: Array
+    is_track: NDArray[np.bool_]
+
+    @property
+    def plots(self) -> Plots:
+        """All of them as plots."""
+        return Plots(self.t_ns, self.place_m, self.covariance, self.is_track)
 
 
 def _read(report: SourceReport, places: Places, way_m: Array, settings: LogSettings) -> _Fresh:
@@ -143,6 +193,7 @@ def _read(report: SourceReport, places: Places, way_m: Array, settings: LogSetti
     astray = np.abs(t_ns - report.t_ns) * NS > settings.max_age_s
     return _Fresh(
         seq=report.seq,
+        stamp_ns=report.t_ns,
         key=key,
         identity=identity,
         track=track,
@@ -153,6 +204,7 @@ def _read(report: SourceReport, places: Places, way_m: Array, settings: LogSetti
         place_m=places.east_north_m + way_m,
         covariance=covariance,
         altitude_m=places.altitude_m,
+        is_track=np.array([kind == "track" for kind in kinds], dtype=np.bool_),
     )
 
 
@@ -168,17 +220,9 @@ def instants_ns(report: SourceReport) -> NDArray[np.int64]:
 def _still_of_use(
     logs: SourceLogs, report: SourceReport, taken: set[str], settings: LogSettings
 ) -> NDArray[np.int64]:
-    """Targets a report says nothing of but that are young enough to be carried on.
-
-    A plot without a name cannot be followed: the next report over the whole field replaces it.
-    """
+    """Targets a report says nothing of but that are young enough to be carried on."""
     young = (report.t_ns - logs.t_ns[0]) * NS <= settings.max_age_s
-    nameless = report.swept is not None
-    of_use = [
-        i
-        for i, name in enumerate(logs.key)
-        if young[i] and (name not in taken if name else nameless)
-    ]
+    of_use = [i for i, name in enumerate(logs.key) if young[i] and name not in taken]
     return np.array(of_use, dtype=np.int64)
 
 
@@ -187,23 +231,37 @@ def _merged(
     fresh: _Fresh,
     used: NDArray[np.intp],
     previous: NDArray[np.int64],
-    kept: NDArray[np.int64],
-    settings: LogSettings,
+    rest: tuple[NDArray[np.int64], Array],
+    told: tuple[Rules, Sensing, int],
 ) -> SourceLogs:
-    """The used fresh logs, each before its previous one, and after them the kept targets."""
+    """The used fresh logs, each before its previous one, and after them the kept targets.
+
+    Args:
+        rest: the kept targets and the probabilities of their existence.
+        told: the rules, what is assumed of the source, how many nameless tracks have begun.
+    """
+    (kept, existence), (rules, now, born) = rest, told
+    gap_s = (fresh.t_ns[used] - np.append(logs.t_ns[0], 0)[previous]) * NS
+    # no straight line over a longer gap
+    previous = np.where((previous >= 0) & (gap_s <= rules.logs.max_age_s), previous, -1)
     known = np.flatnonzero(previous >= 0)
-    gap_s = (fresh.t_ns[used[known]] - logs.t_ns[0, previous[known]]) * NS
-    known = known[gap_s <= settings.max_age_s]  # no straight line over a longer gap
     t_ns = np.stack([fresh.t_ns[used], np.full(len(used), -1)])
     place = np.stack([fresh.place_m[used], np.zeros((len(used), 2))])
     covariance = np.stack([fresh.covariance[used], np.zeros((len(used), 2, 2))])
     t_ns[1, known] = logs.t_ns[0, previous[known]]
     place[1, known] = logs.place_m[0, previous[known]]
     covariance[1, known] = logs.covariance[0, previous[known]]
+    nameless = np.array([fresh.key[i][0] == NAMELESS for i in used], dtype=np.bool_)
+    bank = filtered(
+        logs, fresh.plots.take(used), previous, nameless, now, (rules.logs, rules.tracking)
+    )
+    served = np.append(logs.used_t_ns, -1)[previous]
 
-    most = settings.max_per_source
+    most = rules.logs.max_per_source
     return SourceLogs(
         report_seq=fresh.seq,
+        report_t_ns=max(logs.report_t_ns, fresh.stamp_ns),
+        born=born,
         key=_joined(fresh.key, used, logs.key, kept)[:most],
         identity=_joined(fresh.identity, used, logs.identity, kept)[:most],
         track=_joined(fresh.track, used, logs.track, kept)[:most],
@@ -213,6 +271,11 @@ def _merged(
         place_m=np.concatenate([place, logs.place_m[:, kept]], axis=1)[:, :most],
         covariance=np.concatenate([covariance, logs.covariance[:, kept]], axis=1)[:, :most],
         altitude_m=np.concatenate([fresh.altitude_m[used], logs.altitude_m[kept]])[:most],
+        state=np.concatenate([bank.state, logs.state[kept]])[:most],
+        state_covariance=np.concatenate([bank.covariance, logs.state_covariance[kept]])[:most],
+        existence=np.concatenate([bank.existence, existence])[:most],
+        hits=np.concatenate([bank.hits, logs.hits[kept]])[:most],
+        used_t_ns=np.concatenate([served, logs.used_t_ns[kept]])[:most],
     )
 
 

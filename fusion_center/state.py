@@ -22,6 +22,7 @@ from schemas.messages import (
     OwnAxes,
     Pose,
     SourceProperties,
+    SourceTerm,
     StreamSpan,
 )
 from schemas.messages.outputs import CorrectionState
@@ -58,24 +59,33 @@ class Timeline(Struct, frozen=True, kw_only=True):
 
 
 class SourceLogs(Struct, frozen=True, kw_only=True, eq=False):
-    """The last two logs of every target of one source, as columns; n targets.
+    """The last two logs of every target of one source, and its track; as columns, n targets.
 
     A place is the target's position relative to the carrier plus the carrier's dead-reckoned way,
     all in the carrier's believed axes: in it a target moves as over ground, but for the carrier's
     unknown drift, which the way takes out again.
 
     Attributes:
-        report_seq: of the newest report, which may have held nothing.
-        key: names the target within the source; empty for a plot without any name.
-        identity, track: kind/name that others see too; the source's own name; either may be empty.
+        report_seq, report_t_ns: of the newest report, which may have held nothing.
+        born: how many tracks the source's nameless plots have begun.
+        key: names the target within the source.
+        identity, track: kind/name that others see too; the source's own name, or #k of the k-th
+            track of nameless plots; either may be empty.
         seq, index: of the newest log.
         t_ns: (2, n) instants of the newest and of the one before, -1 where there is none.
         place_m: (2, n, 2) east and north.
         covariance: (2, n, 2, 2) of it [m^2].
         altitude_m: (n,) above the ellipsoid.
+        state: (n, 4) of the filter at the newest log: place and velocity.
+        state_covariance: (n, 4, 4).
+        existence: (n,) probability that there is such a target.
+        hits: (n,) logs so far.
+        used_t_ns: (n,) newest log that has served to follow frames; -1 = none.
     """
 
     report_seq: int
+    report_t_ns: int
+    born: int
     key: tuple[str, ...]
     identity: tuple[str, ...]
     track: tuple[str, ...]
@@ -85,6 +95,11 @@ class SourceLogs(Struct, frozen=True, kw_only=True, eq=False):
     place_m: NDArray[np.float64]
     covariance: NDArray[np.float64]
     altitude_m: NDArray[np.float64]
+    state: NDArray[np.float64]
+    state_covariance: NDArray[np.float64]
+    existence: NDArray[np.float64]
+    hits: NDArray[np.int64]
+    used_t_ns: NDArray[np.int64]
 
 
 class CarrierState(Struct, frozen=True, kw_only=True):
@@ -120,6 +135,8 @@ class Estimate(Struct, frozen=True, kw_only=True):
     chi2: float
     dof: int
     method: str = "closed_form"
+    mode_probability: float = 1.0
+    terms: tuple[SourceTerm, ...] = ()
 
 
 class Monitor(Struct, frozen=True, kw_only=True):
@@ -136,16 +153,76 @@ class Monitor(Struct, frozen=True, kw_only=True):
     excessive: int = 0
 
 
+class WatchColumns(Struct, frozen=True, kw_only=True, eq=False):
+    """`estimation.relative_frame.Watch` of one frame, as columns; w scans in its window.
+
+    Attributes:
+        t_ns: of the last scan; way_m: (2, 2) of the own and of the other carrier then.
+        before, before_covariance: (3,), (3, 3) the frame before the window.
+        elapsed_s: (w,); own_m, other_m: (w, 2) travel to each scan from the one before.
+        point, vector: (w, 3), matrix: (w, 3, 3), chi2: (w,), pairs: (w,) what each scan said.
+        suspected: the last scan was out of line.
+    """
+
+    t_ns: int
+    way_m: NDArray[np.float64]
+    before: NDArray[np.float64]
+    before_covariance: NDArray[np.float64]
+    elapsed_s: NDArray[np.float64]
+    own_m: NDArray[np.float64]
+    other_m: NDArray[np.float64]
+    point: NDArray[np.float64]
+    matrix: NDArray[np.float64]
+    vector: NDArray[np.float64]
+    chi2: NDArray[np.float64]
+    pairs: NDArray[np.int64]
+    suspected: bool
+
+
+class Frames(Struct, frozen=True, kw_only=True, eq=False):
+    """Frames of carriers followed together: `estimation.relative_frame.JointFrames`, and of when.
+
+    Attributes:
+        t_ns: the instant.
+        carriers: whose, in the order of the rows after the own carrier's, which is the first.
+        mean: (N, 6); covariance: (6 N, 6 N).
+        way_m: (N, 2) dead-reckoned way of each at that instant.
+        heading_rad: (N,) of each bow.
+        north_variance: (N,) stated for each north [rad^2].
+    """
+
+    t_ns: int
+    carriers: tuple[str, ...]
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    way_m: NDArray[np.float64]
+    heading_rad: NDArray[np.float64]
+    north_variance: NDArray[np.float64]
+
+
 class Link(Struct, frozen=True, kw_only=True):
     """An other carrier as seen from the own one.
 
     Attributes:
         own_news, other_news: who has reported since the last registration.
+        followed: the frame has been found and is followed over time.
+        found_t_ns: when it was; -1 before.
+        mode_probability: of the association it was found with.
+        events: report events so far; tries: searches in vain since the last success.
+        doubts: searches in a row that found another frame than the one followed.
+        watch: what the alarm remembers.
         estimate: what is published: the newest, or while applied the last good one.
     """
 
     own_news: bool = False
     other_news: bool = False
+    followed: bool = False
+    found_t_ns: int = -1
+    mode_probability: float = 0.0
+    events: int = 0
+    tries: int = 0
+    doubts: int = 0
+    watch: WatchColumns | None = None
     monitor: Monitor = Monitor()
     estimate: Estimate | None = None
 
@@ -170,6 +247,8 @@ class State(Struct, frozen=True, kw_only=True):
 
     Attributes:
         own: the carrier whose frame is the gauge.
+        window: sources that have reported since the last report event, carrier/source -> when.
+        frames: of the carriers that are followed; None while there is none.
         published: messages so far, by key.
     """
 
@@ -181,6 +260,8 @@ class State(Struct, frozen=True, kw_only=True):
     orders: Orders = Orders()
     carriers: dict[str, CarrierState] = {}
     links: dict[str, Link] = {}
+    window: dict[str, int] = {}
+    frames: Frames | None = None
     published: dict[str, int] = {}
 
     def declared(self, carrier: str) -> DeclaredCarrier | None:

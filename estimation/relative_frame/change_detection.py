@@ -31,7 +31,7 @@ WINDOW = 8  # scans
 SCAN_LIMIT, WINDOW_LIMIT = 16.3, 21.1  # chi-squared of 3: .999 and .9999
 
 
-class _Scan(NamedTuple):
+class Scan(NamedTuple):
     """One scan of the window: how it was reached from the one before, and what it said."""
 
     elapsed_s: float
@@ -49,7 +49,7 @@ class Watch(NamedTuple):
     """
 
     before: OwnAxesFrame
-    scans: tuple[_Scan, ...]
+    scans: tuple[Scan, ...]
     suspected: NDArray[np.bool_]
 
 
@@ -89,7 +89,7 @@ def watched(
         elapsed_s, travel: since the scan before.
         drift: the random walk that is normal.
     """
-    scans = (*watch.scans, _Scan(elapsed_s, travel, said))
+    scans = (*watch.scans, Scan(elapsed_s, travel, said))
     before = watch.before
     if len(scans) > WINDOW:
         gone, scans = scans[0], scans[1:]
@@ -120,7 +120,7 @@ def disagreement(said: OwnAxesInformation, frame: OwnAxesFrame) -> Array:
     return np.asarray(np.sum(np.where(enough, pulled**2 / (safe * (1 + safe)), 0.0), axis=-1))
 
 
-def _window_chi2(before: OwnAxesFrame, scans: tuple[_Scan, ...], drift: Drift) -> Array:
+def _window_chi2(before: OwnAxesFrame, scans: tuple[Scan, ...], drift: Drift) -> Array:
     """All scans of the window, carried back to before it, against the frame as it was there.
 
     Backwards, so that the walk inside the window blurs only the scans and not the frame too.
@@ -132,7 +132,7 @@ def _window_chi2(before: OwnAxesFrame, scans: tuple[_Scan, ...], drift: Drift) -
     return disagreement(total, before)
 
 
-def _carried_back(said: OwnAxesInformation, scan: _Scan, drift: Drift) -> OwnAxesInformation:
+def _carried_back(said: OwnAxesInformation, scan: Scan, drift: Drift) -> OwnAxesInformation:
     """What is said of (q, D) at a scan, as information on (q, D) one scan earlier."""
     blur = np.eye(3) + said.matrix @ drift.covariance(scan.elapsed_s)
     matrix, vector = solved(blur, said.matrix), solved(blur, said.vector[..., None])

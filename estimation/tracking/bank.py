@@ -62,17 +62,17 @@ class Innovations(NamedTuple):
         return logarithm
 
 
-def begun(place_m: Array, covariance: Array, sigma_velocity_mps: float) -> Bank:
+def begun(place_m: Array, covariance: Array, sigma_velocity_mps: ArrayLike) -> Bank:
     """Filters that know of their targets one plot each.
 
     Args:
         place_m: (n, 2).
         covariance: (n, 2, 2) of the places.
-        sigma_velocity_mps: of each component of a velocity of which nothing is known.
+        sigma_velocity_mps: (n,) of each component of a velocity of which nothing is known.
     """
     whole = np.zeros((len(place_m), 4, 4))
     whole[:, :2, :2] = covariance
-    whole[:, (2, 3), (2, 3)] = sigma_velocity_mps**2
+    whole[:, (2, 3), (2, 3)] = np.reshape(np.square(sigma_velocity_mps), (-1, 1))
     return Bank(np.concatenate([place_m, np.zeros_like(place_m)], axis=1), whole)
 
 

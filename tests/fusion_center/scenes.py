@@ -53,6 +53,8 @@ from schemas.messages import (
 
 EPOCH_NS = 1_767_225_600_000_000_000
 STEP_NS = 1_000_000_000
+CLOSED_FORM = {"registration": {"method": "closed_form"}}
+"""Settings of the memoryless baseline."""
 ORIGIN = Site(math.radians(41.0), math.radians(29.0))
 
 

@@ -12,6 +12,7 @@ from msgspec.structs import replace as changed
 from fusion_center import pipeline
 from schemas.messages import Closed, Event, Input
 from tests.fusion_center.scenes import (
+    CLOSED_FORM,
     association,
     closed,
     correction,
@@ -158,7 +159,7 @@ def test_what_cannot_be_carried_out_is_left_out(order: dict[str, Any]) -> None:
 
 
 def test_bound_pairs_are_registered_and_forbidden_ones_are_not() -> None:
-    scene = two_ships(4, identities=False)
+    scene = two_ships(4, identities=False, fusion=CLOSED_FORM)
     messages = scene.said(1)
     orders: list[Input | Event] = [
         event(1, seq=n + 1, kind="bind", pair=[f"b/radar/t{n}", f"a/radar/t{n}"]) for n in range(3)

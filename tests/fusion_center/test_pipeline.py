@@ -13,6 +13,7 @@ from fusion_center.settings import Settings
 from schemas.errors import SettingsError
 from schemas.messages import Closed
 from tests.fusion_center.scenes import (
+    CLOSED_FORM,
     association,
     closed,
     correction,
@@ -73,7 +74,7 @@ def test_one_target_leaves_orientation_open() -> None:
 
 
 def test_no_common_target_leaves_everything_open() -> None:
-    scene = two_ships(8, identities=False)
+    scene = two_ships(8, identities=False, fusion=CLOSED_FORM)
     _, outputs = scene.run(3, np.random.default_rng(1))
     found = correction(outputs[-1])
     assert (found.state, found.reason, found.pairs) == ("observing", "no pair of logs", 0)
@@ -102,7 +103,8 @@ def test_wrong_identities_are_noticed() -> None:
 
 def test_coordinates_pair_only_after_a_correction_is_applied() -> None:
     """Three targets without a name join in at the step after the third."""
-    scene = replace(two_ships(11), identities=[*named(8), None, None, None])
+    scene = two_ships(11, fusion=CLOSED_FORM)
+    scene = replace(scene, identities=[*named(8), None, None, None])
     _, outputs = scene.run(6, np.random.default_rng(1))
     by_coordinates = [
         sum(target.method == "coordinates" for target in association(out).targets)
@@ -132,7 +134,7 @@ def test_plots_without_any_name_pair_by_coordinates() -> None:
 
 
 def test_the_estimate_in_force_holds_over_an_empty_report() -> None:
-    scene = two_ships(8)
+    scene = two_ships(8, fusion=CLOSED_FORM)
     state, outputs = scene.run(4, np.random.default_rng(1))
     before = correction(outputs[-1])
     blind = replace(scene, targets_m=np.zeros((0, 2)), identities=[])
@@ -251,7 +253,7 @@ def test_old_navigation_suspends() -> None:
 
 def test_reports_that_alternate_pair_with_the_nearer_neighbour() -> None:
     """Ship b looks 0.7 s before a: its next report, 0.3 s after a's, is the better company."""
-    scene = two_ships(8)
+    scene = two_ships(8, fusion=CLOSED_FORM)
     a, b = scene.ships
     scene = replace(scene, ships=(a, replace(b, looks_before_s=0.7)))
     _, outputs = scene.run(4, np.random.default_rng(1))
@@ -262,7 +264,7 @@ def test_reports_that_alternate_pair_with_the_nearer_neighbour() -> None:
 
 def test_a_report_that_is_overdue_is_not_waited_for() -> None:
     """b looks once, 0.7 s before a, and never again: at 1 s its next is awaited, at 2 s no more."""
-    scene = two_ships(8)
+    scene = two_ships(8, fusion=CLOSED_FORM)
     a, b = scene.ships
     scene = replace(scene, ships=(a, replace(b, looks_before_s=0.7)))
     state, reasons = scene.initial(), []

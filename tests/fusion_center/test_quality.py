@@ -10,6 +10,7 @@ from msgspec.structs import replace as changed
 from fusion_center import pipeline
 from schemas.messages import Input, SourceReport, StreamSpan
 from tests.fusion_center.scenes import (
+    CLOSED_FORM,
     Ship,
     association,
     closed,
@@ -155,7 +156,7 @@ def test_slow_sources_repeat_the_last_correction_between_reports() -> None:
 
 def test_targets_are_counted_once_however_many_registrations_meet_them() -> None:
     """b is paired with the log of a before it, c with the one after it, in one Closed."""
-    scene = two_ships(5)
+    scene = two_ships(5, fusion=CLOSED_FORM)
     a, b = scene.ships
     c = Ship("c", at_m=(-7000.0, 5000.0), looks_before_s=0.3)
     scene = replace(scene, ships=(a, replace(b, looks_before_s=0.7), c))

@@ -10,10 +10,12 @@ import pytest
 
 from estimation.consistency import mean_interval
 from estimation.frames import target_from_source, yaw_rad
-from fusion_center.registration import METHODS, in_own_plane, poses
+from fusion_center.corrections import poses
+from fusion_center.registration import METHODS, in_own_plane
 from fusion_center.sightings import Sightings
 from schemas.messages import Pose, Quality
 from tests.fusion_center.scenes import (
+    CLOSED_FORM,
     Scene,
     Ship,
     correction,
@@ -88,7 +90,7 @@ def test_misclosures_after_correction_have_the_size_they_claim(count: int) -> No
     rng = np.random.default_rng(count)
     scores = []
     for seed in range(RUNS):
-        _, outputs = drawn(two_ships(count, seed=seed), rng).run(1, rng)
+        _, outputs = drawn(two_ships(count, seed=seed, fusion=CLOSED_FORM), rng).run(1, rng)
         quality = outputs[0][-1].message
         assert isinstance(quality, Quality)
         assert quality.sources[0].nis_dof == 2 * count
@@ -140,7 +142,7 @@ def test_logs_of_unlike_instants_stay_honest() -> None:
 
 def test_targets_carried_on_cost_sigma_and_not_truth() -> None:
     """Noiseless, all moving: the frame at the later instant is that of the truth there."""
-    scene = two_ships(10, seed=2)
+    scene = two_ships(10, seed=2, fusion=CLOSED_FORM)
     a, b = (replace(s, north_error_rad=0.0, position_error_m=(0.0, 0.0)) for s in scene.ships)
     b = replace(b, looks_before_s=0.4, velocity_mps=(-5.0, 9.0))
     moving = np.tile([200.0, -150.0], (10, 1))

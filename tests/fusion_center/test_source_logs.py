@@ -12,7 +12,7 @@ from estimation.arrays import Array
 from fusion_center.coordinates import Places
 from fusion_center.settings import LogSettings
 from fusion_center.sightings import at_instant, sightings
-from fusion_center.source_logs import NO_LOGS, Absorbed, with_report
+from fusion_center.source_logs import NO_LOGS, Absorbed, Rules, with_report
 from fusion_center.state import SourceLogs
 from schemas.messages import Sector, SourceReport
 
@@ -49,7 +49,9 @@ def take(
 ) -> tuple[SourceLogs, Absorbed]:
     columns = columns or {"track_id": [f"t{i}" for i in range(len(points))]}
     said = report(t_s, seq=round(t_s) + 1, **columns)
-    return with_report(logs, said, at(points, sigma_m), np.tile(way_m, (len(points), 1)), settings)
+    return with_report(
+        logs, said, at(points, sigma_m), np.tile(way_m, (len(points), 1)), Rules(settings)
+    )
 
 
 def predict(
@@ -128,13 +130,26 @@ def test_targets_of_earlier_reports_are_kept_while_young() -> None:
     assert logs.key == ("t/q",)
 
 
-def test_plots_without_a_name_live_until_the_field_is_seen_again() -> None:
-    logs, _ = take(NO_LOGS, 0.0, [[0.0, 0.0], [1.0, 1.0]], track_id=[None, None])
-    north = Sector(start_rad=0.0, width_rad=1.0)
-    part, _ = take(logs, 0.5, [[5.0, 5.0]], track_id=[None], swept=north)
-    whole, _ = take(logs, 0.5, [[5.0, 5.0]], track_id=[None])
-    assert len(part.key) == 3
-    assert len(whole.key) == 1
+def test_plots_without_a_name_are_followed_as_tracks_of_the_source() -> None:
+    """Two targets, one of them missed once and one false plot: three tracks, one of them gone."""
+    logs = NO_LOGS
+    for t in range(6):
+        points = [[0.0 + 5 * t, 0.0], [900.0, 7.0 * t]]
+        points = points[:1] if t == 3 else points
+        points = [*points, [-3000.0, 50.0]] if t == 2 else points
+        logs, _ = take(logs, float(t), points, track_id=[None] * len(points))
+    assert sorted(zip(logs.key, logs.hits.tolist(), strict=True)) == [("#0", 6), ("#1", 5)]
+    assert logs.born == 3
+    assert logs.existence.min() > 0.99
+    first = logs.key.index("#0")
+    np.testing.assert_allclose(logs.state[first, 2:], [5.0, 0.0], atol=1.0)
+
+
+def test_a_look_elsewhere_says_nothing_of_a_nameless_target() -> None:
+    logs, _ = take(NO_LOGS, 0.0, [[0.0, 1000.0], [1000.0, 0.0]], track_id=[None, None])
+    east = Sector(start_rad=1.0, width_rad=1.0)
+    part, _ = take(logs, 0.5, [[5000.0, 0.0]], track_id=[None], swept=east)
+    assert set(part.key) == {"#0", "#2"}  # the one in the east has been missed
 
 
 @pytest.mark.parametrize("name", ["identity", "track_id"])
@@ -153,7 +168,7 @@ def test_what_cannot_be_used_is_counted() -> None:
     places.covariance[1] = np.nan
     places.defaulted[:2] = True
     said = report(1.0, track_id=list("pqrs"), kind=["plot", "plot", "increment", "plot"])
-    logs, absorbed = with_report(NO_LOGS, said, places, np.zeros((4, 2)), SETTINGS)
+    logs, absorbed = with_report(NO_LOGS, said, places, np.zeros((4, 2)), Rules(SETTINGS))
     assert logs.key == ("t/p",)
     assert absorbed == Absorbed(logs=4, sigma_defaults=2, without_sigma=1, increments=1)
 

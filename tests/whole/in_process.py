@@ -1,0 +1,64 @@
+"""A whole run as functions: truth, carriers and fusion step by step, without a bus or a clock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from carriers.carrier import Carrier, Stamp
+from fusion_center import pipeline
+from fusion_center.settings import settings_from
+from fusion_center.state import State
+from schemas.messages import Closed, Correction, Input, TruthCarriers, TruthTargets
+from sim_world.scenario import Scenario
+from sim_world.world import World
+
+
+class Played(NamedTuple):
+    """One step of a run."""
+
+    closed: Closed
+    said: list[Input]
+    targets: TruthTargets
+    carriers: TruthCarriers
+    state: State
+    outputs: pipeline.Outputs
+
+    @property
+    def corrections(self) -> dict[str, Correction]:
+        """By carrier."""
+        found = (out.message for out in self.outputs)
+        return {m.carrier: m for m in found if isinstance(m, Correction)}
+
+
+def played(
+    scenario: Scenario, fusion: Mapping[str, Any] | None = None, steps: int | None = None
+) -> Iterator[Played]:
+    """The steps of a run, one after another.
+
+    Args:
+        fusion: settings instead of the scenario's.
+        steps: instead of all.
+    """
+    world, declared = World(scenario), scenario.declared
+    carriers = [Carrier(scenario, c.name) for c in declared.carriers]
+    stamps = [Stamp("b1") for _ in carriers]
+    settings = settings_from(declared.fusion if fusion is None else fusion)
+    state = pipeline.initial(declared, settings)
+    for step in range(1, (steps or declared.steps) + 1):
+        targets, truth = world.step(step)
+        said: list[Input] = []
+        for carrier, stamp in zip(carriers, stamps, strict=True):
+            said += [
+                out.message
+                for out in carrier.step(targets, truth, stamp)
+                if isinstance(out.message, Input)
+            ]
+        manifest = [
+            end
+            for carrier, stamp in zip(carriers, stamps, strict=True)
+            for end in stamp.manifest(carrier.name)
+        ]
+        closed = Closed(step=step, t_ns=world.t_ns(step), manifest=manifest)
+        state, outputs = pipeline.step(state, closed, said)
+        yield Played(closed, said, targets, truth, state, outputs)
