@@ -16,7 +16,9 @@ from estimation.bearings_only.motions import (
     Motion,
     polynomial,
 )
+from estimation.bearings_only.next_turn import Turn, best_turn
 from estimation.bearings_only.prior import MotionPrior
+from estimation.bearings_only.robust import student_t
 from estimation.bearings_only.seeds import (
     SeedTrack,
     chebyshev_first,
@@ -25,6 +27,7 @@ from estimation.bearings_only.seeds import (
     n_polynomials,
 )
 
+from estimation.bearings_only.several_carriers import FramePrior, JointSolution, jointly
 from estimation.bearings_only.solution import Interval, Solution, Status, VelocityFamily
 from estimation.bearings_only.solving import solve, solve_many
 
@@ -40,20 +43,26 @@ __all__ = [
     "TWO_LEGS",
     "Bearings",
     "Motion",
+    "FramePrior",
     "Interval",
+    "JointSolution",
     "MotionPrior",
     "Solution",
     "Status",
+    "Turn",
     "VelocityFamily",
     "SeedTrack",
     "bearings",
+    "best_turn",
     "chebyshev_first",
     "chebyshev_second",
     "cramer_rao",
+    "jointly",
     "maximum_likelihood",
     "n_bearings",
     "n_polynomials",
     "polynomial",
     "solve",
     "solve_many",
+    "student_t",
 ]

@@ -15,8 +15,9 @@ from estimation.bearings_only.fitting import BRISK, THOROUGH, Search, begun, gri
 from estimation.bearings_only.linear_algebra import cholesky, log_determinant
 from estimation.bearings_only.measurements import Scene
 from estimation.bearings_only.motions import FAMILY, FINITE_TURN, THREE_LEGS, Motion
-from estimation.bearings_only.normal_equations import Loss, products
+from estimation.bearings_only.normal_equations import Loss, products, residuals
 from estimation.bearings_only.prior import MotionPrior, prior_rows
+from estimation.bearings_only.robust import kept, screened
 
 
 _SECOND_ANGLES = (-1.6, -0.9, -0.4, 0.4, 0.9, 1.6)
@@ -31,13 +32,13 @@ class Hypothesis(NamedTuple):
         estimate: parameters and what bearings and prior say of them.
         log_evidence: (B,) logarithm of the probability of the bearings under this motion, but for
             a constant of all motions; -inf where the motion found no end.
-        effective: (B,) parameters that the bearings, not the prior, determine.
-        range_information: (M, M, B) without what the prior says of metres.
+        dof: (B,) bearings that count less the parameters that they, not the prior, determine.
+        unaided: (M, M, B) without what the prior says of metres.
     """
 
     estimate: Estimate
     log_evidence: Array
-    effective: Array
+    dof: Array
     unaided: Array
 
 
@@ -49,7 +50,8 @@ def hypotheses(
 ) -> list[Hypothesis]:
     """Every motion fitted to every target."""
     problems = [criterion(scene, motion, prior, loss) for motion in motions]
-    return [hypothesis(problem, grid_of(problem.motion)) for problem in problems]
+    clean = screened(scene, loss)
+    return [hypothesis(problem, grid_of(problem.motion), clean) for problem in problems]
 
 
 def three_legs(
@@ -66,10 +68,11 @@ def three_legs(
         if hypothesis_.estimate.motion.shape_names == FINITE_TURN.shape_names:
             first = hypothesis_.estimate.p[FINITE_TURN.scale_row + 1 :, columns]
             grids.append(second_turns(first))
-    return hypothesis(problem, np.concatenate(grids, axis=1), THOROUGH)
+    clean = screened(problem.scene, loss)
+    return hypothesis(problem, np.concatenate(grids, axis=1), clean, THOROUGH)
 
 
-def hypothesis(problem: Criterion, grid: Array, search: Search = BRISK) -> Hypothesis:
+def hypothesis(problem: Criterion, grid: Array, clean: Scene, search: Search = BRISK) -> Hypothesis:
     """The posterior maximum of one motion and its evidence by Laplace's approximation.
 
     Around the maximum the posterior is taken as Gaussian, log E = -cost / 2 + log |P| / 2 -
@@ -78,7 +81,7 @@ def hypothesis(problem: Criterion, grid: Array, search: Search = BRISK) -> Hypot
 
     Source: D. MacKay, Information Theory, Inference and Learning Algorithms, chapter 28.
     """
-    end = lowest(problem, begun(problem, grid), search)
+    end = lowest(problem, begun(problem, grid, clean), search)
     assert problem.prior is not None
     rows = prior_rows(problem.scene, problem.motion, problem.prior, end.p)
     volume = products(rows.residual, rows.jacobian)[1]
@@ -92,12 +95,17 @@ def hypothesis(problem: Criterion, grid: Array, search: Search = BRISK) -> Hypot
     ) / 2
     shapes = rows.only("shape")
     unaided = of_bearings.matrix + products(shapes.residual, shapes.jacobian)[1]
+    chi2, counted = of_bearings.cost, problem.scene.seen.astype(float)
+    if problem.loss is not None:
+        residual, _ = residuals(problem.scene, problem.motion, end.p)
+        chi2, counted = kept(residual, problem.scene.weight)
     estimate = Estimate(
-        problem.scene, problem.motion, end.p, end.normal.matrix, of_bearings.cost, end.converged
+        problem.scene, problem.motion, end.p, end.normal.matrix, chi2, end.converged
     )
     effective = np.einsum("ijb,jib->b", estimate.covariance, of_bearings.matrix)
     ok = np.isfinite(log_evidence)
-    return Hypothesis(estimate, np.where(ok, log_evidence, -np.inf), effective, unaided)
+    dof = np.maximum(counted - effective, 1e-3)
+    return Hypothesis(estimate, np.where(ok, log_evidence, -np.inf), dof, unaided)
 
 
 def second_turns(first: Array) -> Array:

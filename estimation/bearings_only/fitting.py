@@ -11,10 +11,11 @@ from estimation.arrays import Array
 from estimation.bearings_only.criterion import Criterion, criterion
 from estimation.bearings_only.estimate import Estimate
 from estimation.bearings_only.levenberg_marquardt import Minimum, minimised
-from estimation.bearings_only.measurements import Bearings, scene_of
+from estimation.bearings_only.measurements import Bearings, Scene, scene_of
 from estimation.bearings_only.motions import Motion
 from estimation.bearings_only.normal_equations import Loss, Normal
 from estimation.bearings_only.prior import prior_rows
+from estimation.bearings_only.robust import screened
 from estimation.bearings_only.starts import lines_of, misfit, ridge, scales_of, taubin
 
 _RANGE_QUANTILES = (-1.28, 0.0, 1.28)  # of the logarithm, in sigmas: ridge starts
@@ -68,7 +69,8 @@ def maximum_likelihood(given: Bearings, motion: Motion, loss: Loss | None = None
 
 
 def _descended(problem: Criterion) -> Minimum:
-    return lowest(problem, begun(problem, grid_of(problem.motion)))
+    clean = screened(problem.scene, problem.loss)
+    return lowest(problem, begun(problem, grid_of(problem.motion), clean))
 
 
 def grid_of(motion: Motion) -> Array:
@@ -79,13 +81,16 @@ def grid_of(motion: Motion) -> Array:
     return np.array(motion.grid, dtype=float)[..., None]
 
 
-def begun(problem: Criterion, grid: Array) -> Array:
+def begun(problem: Criterion, grid: Array, clean: Scene) -> Array:
     """Starts (T, M, B), the best first: for every shape of a grid (P, G, 1 or B) the best one.
 
     Each is tried without a range and, when there is a prior, with some.
+
+    Args:
+        clean: the scene without gross errors: closed forms know no loss.
     """
     scene, motion, prior = problem.scene, problem.motion, problem.prior
-    lines = lines_of(scene, motion, grid)
+    lines = lines_of(clean, motion, grid)
     starts = [taubin(lines)]
     if prior is not None:
         scales = np.tile(scales_of(scene, motion, prior) + np.zeros(scene.targets), grid.shape[1])

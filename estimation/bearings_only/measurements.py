@@ -107,18 +107,17 @@ class Scene(NamedTuple):
 
     def take(self, columns: NDArray[np.int_]) -> Scene:
         """Some of the targets."""
-        return Scene(*(_columns(field, columns) for field in self))
+        taken = Scene(*(_columns(field, columns) for field in self))
+        return taken._replace(toward=self.toward[:, columns], weight=self.weight[:, columns])
 
 
 def scene_of(given: Bearings) -> Scene:
     """The scene of bearings, batch flattened. Nothing in it is infinite or NaN."""
-    time, place = (
-        _last(given.t_s, 1),
-        _last(given.observer_m[..., 0], 1) + 1j * _last(given.observer_m[..., 1], 1),
-    )
+    time = _last(given.t_s)
+    place = _last(given.observer_m[..., 0]) + 1j * _last(given.observer_m[..., 1])
     everyone = (*given.batch, given.bearing_rad.shape[-1])
     bearing, sigma = (
-        _last(np.broadcast_to(field, everyone), 1) for field in (given.bearing_rad, given.sigma_rad)
+        _last(np.broadcast_to(field, everyone)) for field in (given.bearing_rad, given.sigma_rad)
     )
     if time.shape[0] == 0:  # no bearing is one that was not seen
         time, place = np.zeros((1, 1)), np.zeros((1, 1), dtype=complex)
@@ -146,10 +145,11 @@ def scene_of(given: Bearings) -> Scene:
     )
 
 
-def _last(values: NDArray[np.float64], kept: int) -> Array:
+def _last(values: Array) -> Array:
     """(..., N) as (N, B)."""
-    return np.ascontiguousarray(values.reshape(-1, values.shape[-1]).T) if kept else values
+    return np.ascontiguousarray(values.reshape(-1, values.shape[-1]).T)
 
 
 def _columns(field: NDArray[np.generic], columns: NDArray[np.int_]) -> NDArray[np.generic]:
-    return field if field.shape[-1] == 1 and field.size else field[..., columns]
+    """Of a field that all targets may share."""
+    return field if field.shape[-1] == 1 else field[..., columns]

@@ -73,7 +73,7 @@ def _solved(
 ) -> list[Solution]:
     tried = hypotheses(scene, prior, motions, loss)
     best = np.argmax([h.log_evidence for h in tried], axis=0)
-    fits = np.take_along_axis(_p_values(tried, scene), best[None], axis=0)[0]
+    fits = np.take_along_axis(_p_values(tried), best[None], axis=0)[0]
     alarmed = np.flatnonzero(fits < ALARM)
     more = three_legs(scene, prior, tried, loss, alarmed) if alarmed.size else None
     found = [_judged(tried, scene, column) for column in range(scene.targets)]
@@ -84,15 +84,11 @@ def _solved(
     return found
 
 
-def _p_values(tried: Sequence[Hypothesis], scene: Scene) -> Array:
+def _p_values(tried: Sequence[Hypothesis]) -> Array:
     """(models, B): of the chi-squared of the bearings."""
-    chi2 = np.array([h.estimate.chi2 for h in tried])
-    found: Array = gammaincc(_dof(tried, scene) / 2, np.nan_to_num(chi2, nan=np.inf) / 2)
+    chi2, dof = np.array([h.estimate.chi2 for h in tried]), np.array([h.dof for h in tried])
+    found: Array = gammaincc(dof / 2, np.nan_to_num(chi2, nan=np.inf) / 2)
     return found
-
-
-def _dof(tried: Sequence[Hypothesis], scene: Scene) -> Array:
-    return np.maximum(scene.seen - np.array([h.effective for h in tried]), 1e-3)
 
 
 def _column(hypothesis: Hypothesis, column: int) -> Hypothesis:
@@ -112,18 +108,19 @@ def _judged(tried: Sequence[Hypothesis], scene: Scene, column: int) -> Solution:
     order = np.argsort(-weights, kind="stable")
     tried = [_column(tried[k], column) for k in order]
     weights = weights[order]
-    part = scene.take(np.array([column]))
-    return _told(tried, weights, part, used, last_s)
+    return _told(tried, weights, used, last_s)
 
 
 def _told(
-    tried: list[Hypothesis], weights: Array, scene: Scene, used: int, last_s: float
+    tried: list[Hypothesis], weights: Array, used: int, last_s: float
 ) -> Solution:
     """The solution from the hypotheses of one target, the heaviest first."""
-    p_values, dof = _p_values(tried, scene)[:, 0], _dof(tried, scene)[:, 0]
+    p_values = _p_values(tried)[:, 0]
     candidates = tuple(
-        Candidate(h.estimate.motion.name, float(w), float(h.estimate.chi2[0]), float(f), float(p))
-        for h, w, f, p in zip(tried, weights, dof, p_values, strict=True)
+        Candidate(
+            h.estimate.motion.name, float(w), float(h.estimate.chi2[0]), float(h.dof[0]), float(p)
+        )
+        for h, w, p in zip(tried, weights, p_values, strict=True)
     )
     heavy = [int(k) for k in counted(weights)]
     shares = weights[heavy] / weights[heavy].sum()
