@@ -122,6 +122,10 @@ COMMAND = Topic(
 PLAYER = Topic(
     "player", "player/{player}", m.PlayerCommand, Role.CONTROL, "query", CONTROL, recorded=False
 )
+CLOCK = Topic(
+    "clock", "clock/{player}", m.Clock, Role.STATUS, "when a replay is asked to", STATUS,
+    recorded=False,
+)  # fmt: skip
 RECORDING = Topic(
     "recorder", "recorder/{recorder}", m.RecorderCommand, Role.CONTROL, "query", CONTROL,
     recorded=False,
@@ -133,7 +137,7 @@ BACKFILL = Topic(
 TOPICS: tuple[Topic, ...] = (
     SCENARIO, SOURCE, REPORT, NAVIGATION, RANGING, EVENT, CLOSED_WORLD, CLOSED_FUSION, STEP, ACK,
     STATE, TRUTH_SCENARIO, TRUTH_TARGETS, TRUTH_CARRIERS, CORRECTION, TRACK, ASSOCIATION,
-    ALIGNMENT, QUALITY, HEALTH, COMMAND, PLAYER, RECORDING, BACKFILL,
+    ALIGNMENT, QUALITY, HEALTH, COMMAND, PLAYER, CLOCK, RECORDING, BACKFILL,
 )  # fmt: skip
 """The whole wire."""
 

@@ -172,6 +172,20 @@ class PlayerStatus(Struct, frozen=True, kw_only=True, omit_defaults=True):
     sent: Count = 0
 
 
+class Clock(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Where a replay stands, some times a second (status).
+
+    Attributes:
+        t_ns: log time of the recording.
+        rate: 0 = as fast as it goes.
+    """
+
+    player: Id
+    t_ns: TimeNs
+    rate: Annotated[float, Meta(ge=0, le=1e6)] = 1.0
+    state: Literal["waiting", "playing", "paused", "ended"] = "playing"
+
+
 class RecorderCommand(Struct, frozen=True, kw_only=True, omit_defaults=True):
     """A query to a recorder: pause, resume, split, snapshot, status.
 

@@ -29,8 +29,9 @@ from .recorded import (
     KnownChannel,
     Recorded,
     in_file_order,
-    in_log_time_order,
+    in_time_order,
     select,
+    stamp_ns,
 )
 from .records import RawMessage, Source, attachment, chunk_data, frames, unpacked
 from .summary import Summary, channel_summaries
@@ -48,7 +49,7 @@ __all__ = [
     "summary",
 ]
 
-Order = Literal["file", "log_time"]
+Order = Literal["file", "log_time", "stamp"]
 _NEVER_NS = 2**64
 
 
@@ -100,9 +101,10 @@ class Recording:
     ) -> Iterator[Recorded]:
         """The messages of some topics and roles with start_ns <= log time < stop_ns.
 
-        In the order of log time messages of one time keep the order of the file. Memory holds one
-        chunk, in that order also those whose times overlap: none, in files of our own writer.
-        Channels that are not of the wire are passed over.
+        In an order of time messages of one time keep the order of the file; in that of the
+        senders' stamps the bounds are stamps as well, and everything is read twice. Memory holds
+        one chunk, in an order of time also those whose times overlap: for the log time none, in
+        files of our own writer. Channels that are not of the wire are passed over.
 
         Raises:
             RecordingError: at the first damage, after all that lies before it.
@@ -110,11 +112,9 @@ class Recording:
         wanted = self._wanted(topics, roles)
         channels = dict.fromkeys(self.index.channels) | wanted
         others = self.index.channels.keys() - wanted.keys()
-        times = [s for s in self.index.spans if s.start_ns < stop_ns and s.end_ns >= start_ns]
-        spans = [span for span in times if not span.is_only_of(others)]
-        in_order = in_file_order if order == "file" else in_log_time_order
+        spans = [span for span in self.index.spans if not span.is_only_of(others)]
         count = 0
-        for message in in_order(spans, lambda span: self._read(span, channels, start_ns, stop_ns)):
+        for message in self._in_order(order, spans, channels, start_ns, stop_ns):
             count += 1
             yield message
         if self.index.damage is not None:
@@ -190,6 +190,29 @@ class Recording:
             and (topics is None or known.address.topic in topics)
             and (roles is None or known.address.topic.role in roles)
         }
+
+    def _in_order(
+        self, order: Order, spans: list[Span], channels: Channels, start_ns: int, stop_ns: int
+    ) -> Iterator[Recorded]:
+        if order == "stamp":
+            return self._by_stamp(spans, channels, start_ns, stop_ns)
+        within = [span for span in spans if span.start_ns < stop_ns and span.end_ns >= start_ns]
+        in_order = in_file_order if order == "file" else in_time_order
+        return in_order(within, lambda span: self._read(span, channels, start_ns, stop_ns))
+
+    def _by_stamp(
+        self, spans: list[Span], channels: Channels, start_ns: int, stop_ns: int
+    ) -> Iterator[Recorded]:
+        def read(span: Span) -> list[Recorded]:
+            messages = self._read(span, channels, 0, _NEVER_NS)
+            return [m for m in messages if start_ns <= m.publish_time_ns < stop_ns]
+
+        stamped = []
+        for span in spans:
+            stamps = [m.publish_time_ns for m in read(span)]
+            if stamps:
+                stamped.append(span._replace(start_ns=min(stamps), end_ns=max(stamps)))
+        return in_time_order(stamped, read, stamp_ns)
 
     def _read(self, span: Span, channels: Channels, start_ns: int, stop_ns: int) -> list[Recorded]:
         try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
-from operator import attrgetter
 from struct import Struct
 from struct import error as StructError  # noqa: N812 - a class, whatever it is called
 from typing import NamedTuple
@@ -89,16 +88,31 @@ def in_file_order(spans: Iterable[Span], read: ReadSpan) -> Iterator[Recorded]:
         yield from read(span)
 
 
-def in_log_time_order(spans: Iterable[Span], read: ReadSpan) -> Iterator[Recorded]:
+TimeOf = Callable[[Recorded], int]
+
+
+def log_time_ns(message: Recorded) -> int:
+    """When it arrived, by the recorder's clock."""
+    return message.log_time_ns
+
+
+def stamp_ns(message: Recorded) -> int:
+    """When it was sent, by the sender's clock."""
+    return message.publish_time_ns
+
+
+def in_time_order(
+    spans: Iterable[Span], read: ReadSpan, time_ns: TimeOf = log_time_ns
+) -> Iterator[Recorded]:
     """Merge spans whose times overlap, holding only those; ties in the order of the file."""
     ordered = sorted(spans, key=lambda span: (span.start_ns, span.offset))
     waiting: list[tuple[int, int, int, Recorded]] = []
     for number, span in enumerate(ordered):
         messages = read(span)
         if not waiting and _is_apart(span, ordered[number + 1 : number + 2]):
-            yield from sorted(messages, key=_log_time_ns)
+            yield from sorted(messages, key=time_ns)
             continue
-        waiting += [(m.log_time_ns, span.offset, n, m) for n, m in enumerate(messages)]
+        waiting += [(time_ns(m), span.offset, n, m) for n, m in enumerate(messages)]
         waiting.sort()
         before = len(waiting)
         if number + 1 < len(ordered):
@@ -131,4 +145,3 @@ def _require_end(data: bytes, offset: int) -> None:
 
 _make = partial(tuple.__new__, Recorded)
 """`Recorded._make` without the check of the length."""
-_log_time_ns = attrgetter("log_time_ns")
