@@ -101,7 +101,7 @@ def drawn(rng: np.random.Generator, size: Size) -> Scene:
     """A scene of the statistics of the files: the same sensors, motions and share of clutter."""
     sensors = Sensors(0.9, 30.0, 0.0026, size.targets / 10, size.box_m)
     index = np.arange(size.scans)
-    t_s: Array = index * (_PERIOD_S / CARRIERS)
+    t_s = np.asarray(index * (_PERIOD_S / CARRIERS), dtype=float)
     carrier = index % CARRIERS
     pose = _poses(t_s, carrier, size.box_m)
     bias = _BIAS * [1.0, 1.0, -np.pi / 180]

@@ -19,11 +19,13 @@ from estimation.arrays import Array, Indices
 from estimation.tracking import imm
 from estimation.tracking.gating import near
 from estimation.tracking.imm import Bank
-from estimation.tracking.innovations import Innovations, innovations
+from estimation.tracking.innovations import Innovations, innovations, joined_innovations
 from estimation.tracking.marginals import Candidates, Marginals
 from estimation.tracking.scan import Scan
 
 PairTerm = Callable[[Indices, Indices], Array]
+_BATCH = 16_384  # pairs worked on together: their matrices stay in the cache
+_MOVES = 1e-4  # probability below which a pair moves no state
 
 
 class Tracks(NamedTuple):
@@ -45,6 +47,13 @@ class Tracks(NamedTuple):
         """The tracks `which`, in that order."""
         classes = np.take(self.classes, which, axis=-1)
         return Tracks(self.identity[which], self.existence[which], self.bank.take(which), classes)
+
+
+class Candidate(NamedTuple):
+    """Ends of pairs, before it is known what they are worth."""
+
+    track: Indices
+    plot: Indices
 
 
 class Pairs(NamedTuple):
@@ -92,17 +101,30 @@ def gated(tracks: Tracks, scan: Scan, gate: float, term: PairTerm | None = None)
         term: logarithm of one more likelihood ratio, of pairs (rows of tracks, plots).
     """
     track, plot = near(tracks.bank, scan.plots, gate, scan.common)
-    mean, covariance, model = tracks.bank.take(track)
-    found = innovations(scan.plots.rows(mean, plot), mean, covariance, scan.common)
-    inside = np.flatnonzero((found.distance_squared() <= gate).any(axis=0))
-    track, plot, found = track[inside], plot[inside], found.take(inside)
-    by_model = model[:, inside] * np.exp(found.log_density)
+    pieces = [
+        _inside(tracks, scan, gate, Candidate(track[k : k + _BATCH], plot[k : k + _BATCH]))
+        for k in range(0, max(len(track), 1), _BATCH)
+    ]
+    track, plot = (np.concatenate(ends) for ends in zip(*(ends for ends, _ in pieces), strict=True))
+    found = joined_innovations([piece for _, piece in pieces])
+    by_model = np.take(tracks.bank.model, track, axis=-1) * np.exp(found.log_density)
     likelihood = by_model.sum(axis=0)
+    after = by_model / np.maximum(likelihood, 1e-300)
     if term is not None:
         likelihood = likelihood * np.exp(term(track, plot))
     classes, told = judged(np.take(tracks.classes, track, axis=-1), scan.evidence, plot)
-    after = by_model / np.maximum(by_model.sum(axis=0), 1e-300)
     return Pairs(track, plot, found, likelihood * told, after, classes)
+
+
+def _inside(
+    tracks: Tracks, scan: Scan, gate: float, ends: Candidate
+) -> tuple[Candidate, Innovations]:
+    """Those of some pairs that are within the gate."""
+    mean, covariance, _ = tracks.bank.take(ends.track)
+    rows = scan.plots.rows(mean, ends.plot)
+    found = innovations(rows, mean, covariance, scan.common)
+    inside = np.flatnonzero((found.distance_squared() <= gate).any(axis=0))
+    return Candidate(ends.track[inside], ends.plot[inside]), found.take(inside)
 
 
 def judged(classes: Array, evidence: Array | None, plot: Indices) -> tuple[Array, Array]:
@@ -137,17 +159,23 @@ def updated(tracks: Tracks, pairs: Pairs, marginals: Marginals, detection: Array
     existence = missed + sums.of(marginals.pair)
     share = marginals.pair / np.maximum(existence, 1e-300)[pairs.track]
     stay = missed / np.maximum(existence, 1e-300)
-    bank = _folded(tracks.bank, pairs, share, stay, sums)
+    bank = _folded(tracks.bank, pairs, share)
     classes = tracks.classes * stay + sums.of(pairs.classes * share)
     return Tracks(tracks.identity, np.minimum(existence, 1.0), bank, classes)
 
 
-def _folded(bank: Bank, pairs: Pairs, share: Array, stay: Array, sums: _Sums) -> Bank:
-    """First two moments of each model over the hypotheses: a miss (`stay`) and the pairs."""
-    joint = pairs.model * share
+def _folded(bank: Bank, pairs: Pairs, share: Array) -> Bank:
+    """First two moments of each model over the hypotheses: a miss and the pairs.
+
+    Pairs of negligible share count as a miss.
+    """
+    some = np.flatnonzero(share > _MOVES)
+    sums = _Sums(pairs.track[some], bank.model.shape[-1])
+    joint = pairs.model[:, some] * share[some]
+    stay = 1.0 - sums.of(share[some])
     model = bank.model * stay + sums.of(joint)
-    given = joint / np.maximum(model, 1e-300)[:, pairs.track]
-    shift, less = pairs.innovations.corrections()
+    given = joint / np.maximum(model, 1e-300)[:, pairs.track[some]]
+    shift, less = pairs.innovations.take(some).corrections()
     mean_shift = sums.of(shift * given)
     change = sums.of(((shift[:, None] * shift) - less) * given)
     covariance = bank.covariance + (change - mean_shift[:, None] * mean_shift)

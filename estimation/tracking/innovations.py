@@ -91,6 +91,11 @@ def innovations(
     return Innovations(push_of_state, np.stack(residuals), np.stack(variances), density)
 
 
+def joined_innovations(parts: list[Innovations]) -> Innovations:
+    """Those of all the pairs, in order."""
+    return Innovations(*(np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)))
+
+
 def corrected(bank: Bank, found: Innovations) -> Bank:
     """The bank after one plot each, its models weighed by how well they foretold it."""
     shift, less = found.corrections()

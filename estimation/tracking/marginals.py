@@ -10,12 +10,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from estimation.arrays import Array, Indices
 from estimation.assignment import assignment
 
 _TOLERANCE = 1e-4
-_PASSES = 200
+_PASSES = 8  # between two looks at what has settled
+_ROUNDS = 25
 
 
 class Candidates(NamedTuple):
@@ -72,19 +76,45 @@ def by_assignment(given: Candidates) -> Marginals:
 
 
 def _converged(given: Candidates) -> Array:
-    """Messages from plots to tracks at their fixed point."""
+    """Messages from plots to tracks at their fixed point.
+
+    Pairs are dropped from the iteration, a knot of them at a time, as they settle.
+    """
     message = np.ones(len(given.weight))
+    knot = _knots(given)
+    active = np.arange(len(message))
+    for _ in range(_ROUNDS):
+        if not active.size:
+            break
+        rest = given._replace(
+            track=given.track[active], plot=given.plot[active], weight=given.weight[active]
+        )
+        message[active], moved = _iterated(rest, message[active])
+        unsettled = np.bincount(knot[active], moved, minlength=int(knot.max()) + 1) > 0
+        active = active[unsettled[knot[active]]]
+    return message
+
+
+def _iterated(given: Candidates, message: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Messages after some passes, and which still moved in the last."""
+    before = message
     for _ in range(_PASSES):
+        before = message
         claim = given.weight * message
         others = _sums(given.track, claim, given.tracks)[given.track] - claim
         bid = given.weight / (1.0 + np.maximum(others, 0.0))
         rest = _sums(given.plot, bid, given.plots)[given.plot] - bid
-        new = 1.0 / (1.0 + np.maximum(rest, 0.0))
-        change = np.abs(new - message)
-        message = new
-        if not (change > _TOLERANCE * message).any():
-            break
-    return message
+        message = 1.0 / (1.0 + np.maximum(rest, 0.0))
+    return message, np.abs(message - before) > _TOLERANCE * message
+
+
+def _knots(given: Candidates) -> Indices:
+    """Which pairs hang together, directly or through others: a label (k,) of each."""
+    ends = (given.track, given.tracks + given.plot)
+    size = given.tracks + given.plots
+    links = coo_array((np.ones(len(given.weight)), ends), shape=(size, size))
+    _, label = connected_components(links, directed=False)
+    return np.asarray(label[given.track], dtype=np.intp)
 
 
 def _completed(given: Candidates, pair: Array) -> Marginals:
@@ -94,5 +124,4 @@ def _completed(given: Candidates, pair: Array) -> Marginals:
 
 
 def _sums(label: Indices, values: Array, size: int) -> Array:
-    total: Array = np.bincount(label, values, minlength=size)
-    return total
+    return np.asarray(np.bincount(label, values, minlength=size), dtype=float)

@@ -12,6 +12,7 @@ from estimation.tracking.measurements.kinds import Probe, Row
 from estimation.tracking.measurements.line_of_sight import (
     LEAST_M,
     columns,
+    longest_axis,
     most,
     place_row,
     seen_from,
@@ -48,13 +49,15 @@ class Bearings(NamedTuple):
         """See `Measurement`."""
         return []
 
-    def probe(self, place_m: Array) -> Probe:
-        """See `Measurement`."""
-        offset = place_m - self.site_m[:, None]
-        far = np.maximum(np.hypot(*offset), LEAST_M)
-        plots = np.stack([np.sin(self.bearing_rad), np.cos(self.bearing_rad)], axis=-1)
-        sigma = np.full(far.shape, most(self.sigma_bearing_rad))
-        return Probe(plots, (offset / far).T, sigma, 1.0 / far)
+    def probes(self, place_m: Array, covariance_m2: Array) -> list[Probe]:
+        """On the unit circle about the sensor."""
+        away = place_m - self.site_m[:, None]
+        far = np.maximum(np.hypot(*away), LEAST_M)
+        circle = np.stack([np.sin(self.bearing_rad), np.cos(self.bearing_rad)], axis=-1)
+        spread = longest_axis(covariance_m2).max(axis=0) / far**2
+        spread = spread + most(self.sigma_bearing_rad) ** 2
+        every = np.arange(self.size)
+        return [Probe(circle, every, (away / far).T, spread, 1.0 / far, far**2)]
 
 
 def bearings(

@@ -38,18 +38,22 @@ class Found(NamedTuple):
 
 
 class Probe(NamedTuple):
-    """A plane in which plots near a track can be looked up, and how far to look.
+    """A plane in which plots near n tracks can be looked up, and how far to look.
 
     Attributes:
-        plots: (m, 2); tracks: (n, 2).
-        sigma: (n,) largest standard deviation of the noise there, as seen from each track.
-        scale: (n,) of that plane by metres at the track.
+        places: (q, 2) where plots are; plot: (q,) which they are (one may be in two places).
+        tracks: (n, 2).
+        spread: (n,) variance, along its widest direction, of a track less a plot of its target.
+        scale: (n,) length there of a metre at the track, at most.
+        area: (n,) m^2 at the track of a unit of area there.
     """
 
-    plots: Array
+    places: Array
+    plot: Indices
     tracks: Array
-    sigma: Array
+    spread: Array
     scale: Array
+    area: Array
 
 
 class Measurement(Protocol):
@@ -72,5 +76,5 @@ class Measurement(Protocol):
     def beside(self, mean: Array) -> list[Row]:
         """What each plot says beside the place: states (4, 2, m) that began with the plots."""
 
-    def probe(self, place_m: Array) -> Probe:
-        """Where to look for plots of tracks at (2, n)."""
+    def probes(self, place_m: Array, covariance_m2: Array) -> list[Probe]:
+        """Ways to look for plots of tracks at (2, n) with covariances (2, 2, models, n)."""

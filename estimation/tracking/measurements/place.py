@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -57,11 +56,11 @@ class Places(NamedTuple):
         """See `Measurement`."""
         return []
 
-    def probe(self, place_m: Array) -> Probe:
-        """See `Measurement`."""
+    def probes(self, place_m: Array, covariance_m2: Array) -> list[Probe]:
+        """In the plane."""
         one = np.ones(place_m.shape[-1])
-        sigma = math.sqrt(most(longest_axis(self.covariance_m2)))
-        return Probe(self.place_m.T, place_m.T, sigma * one, one)
+        spread = longest_axis(covariance_m2).max(axis=0) + most(longest_axis(self.covariance_m2))
+        return [Probe(self.place_m.T, np.arange(self.size), place_m.T, spread, one, one)]
 
 
 def places(

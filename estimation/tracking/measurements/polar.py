@@ -13,11 +13,15 @@ from estimation.tracking.measurements.kinds import Found, Probe, Row
 from estimation.tracking.measurements.line_of_sight import (
     LEAST_M,
     columns,
+    longest_axis,
     most,
     place_row,
     seen_from,
     timed,
 )
+
+_SEAM_RAD = 0.5  # plots nearer to the seam of bearings have a copy beyond it
+_REACH = 10.0  # standard deviations that no gate exceeds
 
 
 class RangeRate(NamedTuple):
@@ -77,11 +81,42 @@ class Polar(NamedTuple):
         """See `Measurement`."""
         return self._rate(mean, np.arange(self.size))
 
-    def probe(self, place_m: Array) -> Probe:
-        """See `Measurement`."""
-        far = np.hypot(*(place_m - self.site_m[:, None]))
-        sigma = np.maximum(far * most(self.sigma_bearing_rad), most(self.sigma_range_m))
-        return Probe(self.found().place_m.T, place_m.T, sigma, np.ones_like(far))
+    def probes(self, place_m: Array, covariance_m2: Array) -> list[Probe]:
+        """In the plane, and by range and bearing in units of their sigmas.
+
+        In the latter the noise is a circle: tracks known better than a plot, far from the sensor,
+        meet hardly any plots that are not theirs.
+        """
+        away = place_m - self.site_m[:, None]
+        far = np.maximum(np.hypot(*away), LEAST_M)
+        noise = np.stack([np.full_like(far, most(self.sigma_range_m)), far * self._widest_rad()])
+        one = np.ones_like(far)
+        spread = longest_axis(covariance_m2).max(axis=0) + noise.max(axis=0) ** 2
+        plane = Probe(self.found().place_m.T, np.arange(self.size), place_m.T, spread, one, one)
+        return [plane, self._by_sigmas(away / far, far, covariance_m2, np.maximum(noise, 1e-6))]
+
+    def _widest_rad(self) -> float:
+        return max(most(self.sigma_bearing_rad), 1e-9)
+
+    def _by_sigmas(self, unit: Array, far: Array, covariance_m2: Array, noise: Array) -> Probe:
+        """Range and bearing by their sigmas; plots near the seam of bearings are there twice.
+
+        Not for tracks that may reach beyond those copies: to them a unit of area is infinite.
+        """
+        axes = np.stack([unit, np.stack([unit[1], -unit[0]])]) / noise[:, None]
+        turned = np.einsum("abn,bcmn,dcn->admn", axes, covariance_m2, axes, optimize=True)
+        spread = 1.0 + longest_axis(turned).max(axis=0)
+        step = self._widest_rad()
+        bearing, plot = _unrolled(wrap_pi(self.bearing_rad))
+        reach = _REACH * np.sqrt(spread) * step
+        return Probe(
+            np.stack([self.range_m[plot] / noise[0, :1], bearing / step], axis=-1),
+            plot,
+            np.stack([far / noise[0], np.arctan2(*unit) / step], axis=-1),
+            spread,
+            1.0 / noise.min(axis=0),
+            np.where(reach < _SEAM_RAD, noise[0] * noise[1], np.inf),
+        )
 
     def _rate(self, mean: Array, plot: Indices) -> list[Row]:
         if self.range_rate is None:
@@ -103,6 +138,15 @@ class Polar(NamedTuple):
                 np.where(absent, 0.0, gradient), residual, variance, np.where(absent, nothing, span)
             )
         ]
+
+
+def _unrolled(bearing: Array) -> tuple[Array, Indices]:
+    """Bearings with copies a turn away of those near the seam, and whose they are."""
+    plot = np.arange(len(bearing))
+    low = np.flatnonzero(bearing < _SEAM_RAD - np.pi)
+    high = np.flatnonzero(bearing > np.pi - _SEAM_RAD)
+    turns = np.concatenate([bearing, bearing[low] + 2 * np.pi, bearing[high] - 2 * np.pi])
+    return turns, np.concatenate([plot, low, high])
 
 
 def polar(
