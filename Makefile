@@ -7,7 +7,7 @@ ARGS ?=
 BENCH_RUNS ?= 20
 
 bin := $(VENV)/bin
-benches := $(basename $(notdir $(shell grep -l __main__ bench/*.py)) registration)
+benches := $(basename $(notdir $(shell grep -l __main__ bench/*.py)) registration joint_fusion)
 
 .PHONY: demo test test-all bench lint format schemas clean help
 .DEFAULT_GOAL := help
