@@ -139,7 +139,7 @@ class Conformance:
             stream.judge(notes, properties.period_s if properties else None)
             self._judge_start(notes, stream)
         for name, logs in self._logs.items():
-            logs.judge(notes, self._declared(name))
+            logs.judge(notes, self._declared(name), unheard=self._is_unheard(name))
             self._judge_tracks(notes, name)
         self._judge_carriers(notes)
         return notes.findings()
@@ -281,9 +281,21 @@ class Conformance:
         return next((c.sources.get(name[1]) for c in declared if c.name == name[0]), None)
 
     def _judge_start(self, notes: Notes, stream: StreamCheck) -> None:
+        if self._is_from_the_start(stream) and stream.first > 1:
+            example = f"begins with seq {stream.first}"
+            notes.add("seq_start", stream.key.process, stream.source, example)
+
+    def _is_from_the_start(self, stream: StreamCheck) -> bool:
         life = Life(stream.key.process, stream.key.boot)
-        if (self._whole or self._speakers.is_new(life)) and stream.first > 1:
-            notes.add("seq_start", life.carrier, stream.source, f"begins with seq {stream.first}")
+        return self._whole or self._speakers.is_new(life)
+
+    def _is_unheard(self, name: tuple[str, str]) -> bool:
+        """Whether what a source declares of itself may have been said before we listened."""
+        carrier, source = name
+        streams = [s for key, s in self._streams.items() if (key.process, key.stream) == name]
+        late = all(s.first > 1 and not self._is_from_the_start(s) for s in streams)
+        told = (carrier, f"info/{source}") in self._sent or self._declared(name) is not None
+        return late and not told
 
     def _judge_tracks(self, notes: Notes, name: tuple[str, str]) -> None:
         declared = self._declared(name) or SourceProperties()
@@ -309,7 +321,8 @@ class Conformance:
         for carrier, source in self._logs:
             told = (carrier, source) in self._infos or (carrier, f"info/{source}") in self._sent
             if not told:
-                notes.add("source_info", carrier, source, f"{counts[carrier, source]} reports")
+                code = "source_unheard" if self._is_unheard((carrier, source)) else "source_info"
+                notes.add(code, carrier, source, f"{counts[carrier, source]} reports")
         for carrier in sorted({carrier for carrier, source in self._logs}):
             self._judge_navigation(notes, carrier)
         self._judge_lives(notes)

@@ -92,6 +92,11 @@ CODES: Mapping[str, Code] = {
         "error", "Two lives of one carrier speak in turns: end one, or give it another name."
     ),
     "source_info": Code("error", "Send a SourceInfo for the source before its first report."),
+    "source_unheard": Code(
+        "warning",
+        "Serve source/CARRIER/SOURCE, or start this before the publisher: what it declares of "
+        "itself is not known, so its sigmas cannot be judged.",
+    ),
     "coordinates": Code(
         "error", "Send the coordinates that SourceInfo declares, or declare those you send."
     ),

@@ -72,8 +72,12 @@ class LogsCheck:
         if len(self._ranges_m) < MAX_RANGES:
             self._ranges_m += [r for r in report.range_m or () if r is not None]
 
-    def judge(self, notes: Notes, declared: SourceProperties | None) -> None:
-        """Say what is wrong, given what the source declares of itself."""
+    def judge(self, notes: Notes, declared: SourceProperties | None, *, unheard: bool) -> None:
+        """Say what is wrong, given what the source declares of itself.
+
+        Args:
+            unheard: it may have declared something before anybody listened.
+        """
         if not self._logs["all"]:
             return
 
@@ -93,6 +97,8 @@ class LogsCheck:
                 self._judge_ranges(note, declared)
             for name in self._features.keys() - declared.features.keys():
                 note("feature", f"{name}, first in seq {self._features[name]}", detail=name)
+        if not unheard:
+            self._judge_missing_sigmas(note, declared or SourceProperties())
         self._judge_sigmas(note, declared or SourceProperties(), kilometres)
 
     def _note_names(self, report: SourceReport) -> None:
@@ -144,13 +150,14 @@ class LogsCheck:
             limits = f"{declared.range_min_m:g} to {declared.range_max_m:g} m"
             note("range_limits", f"a range of {outside[0]:.6g} m, declared {limits}", len(outside))
 
+    def _judge_missing_sigmas(self, note: Callable[..., None], declared: SourceProperties) -> None:
+        for column, count in self._without.items():
+            if getattr(declared, SIGMAS[column][0]) is None:
+                note("sigma_missing", f"{column} has neither a sigma nor a default", count, column)
+
     def _judge_sigmas(
         self, note: Callable[..., None], declared: SourceProperties, kilometres: bool
     ) -> None:
-        for column, count in self._without.items():
-            default = f"{SIGMAS[column][0]}"
-            if getattr(declared, default) is None:
-                note("sigma_missing", f"{column} has neither a sigma nor a default", count, column)
         for name, values in self._sigmas.items():
             for example, count in self._absurd(name, values, declared, kilometres):
                 note("sigma_absurd", example, count, name)

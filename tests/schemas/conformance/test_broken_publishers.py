@@ -249,7 +249,7 @@ def test_what_is_whole_only_for_those_who_heard_the_beginning() -> None:
     for sample, arrived_s in late:
         midway.take(sample, arrived_s)
         whole.take(sample, arrived_s)
-    assert told(midway.findings()) == {("source_info", RADAR)}
+    assert told(midway.findings()) == {("source_unheard", RADAR)}
     assert ("seq_start", RADAR) in told(whole.findings())
 
 
