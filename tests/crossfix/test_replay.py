@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from crossfix.replaying import Pace
 from schemas import codec, keys
 from schemas.bus.interface import Bus, Inbox, Sample
 from schemas.bus.zenoh_bus import open_bus
@@ -95,18 +94,3 @@ def test_a_rate_that_is_none_is_refused(path: Path, rate: str, crossfix: Crossfi
     shown = crossfix("replay", path, f"--rate={rate}")
     assert shown.code == 2
     assert "--rate" in shown.err
-
-
-def test_a_pace_is_kept_without_drifting() -> None:
-    pace, start_s = Pace(10.0), time.monotonic()
-    for tenth in range(5):
-        pace.wait(10**18 + tenth * 10**9)
-        assert time.monotonic() - start_s >= tenth * 0.1
-    assert pace.wait(10**18) >= 0.4  # what is past is late by that much
-
-
-def test_max_never_waits() -> None:
-    pace, start_s = Pace(None), time.monotonic()
-    for hour in range(10):
-        assert pace.wait(hour * 3600 * 10**9) == 0.0
-    assert time.monotonic() - start_s < 60

@@ -1,0 +1,169 @@
+"""Plays the world's part in a replay: a fusion centre then fuses the recording as if it were a run.
+
+What was closed is closed again, step by step, each when the fusion centre has room for it; so a
+replay gives the same outputs however fast it goes, and whatever is lost on the way is fetched.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+from schemas import codec, keys
+from schemas.bus.interface import Bus, Inbox, Sample
+from schemas.bus.member import Member
+from schemas.errors import BusError, RecordingError, WireError
+from schemas.messages import Ack, Closed, DeclaredScenario, Step, TruthScenario
+from schemas.recording.contents import TRUTH
+from schemas.recording.reader import Recorded, Recording
+
+from .player import Outlet
+
+WINDOW = 8
+"""Steps that may be closed before the fusion centre has acknowledged the first of them."""
+PATIENCE_S = 60.0
+"""A fusion centre that acknowledges nothing for so long is not waited for."""
+LEAVING_S = 20.0
+PUMP_S = 0.02
+
+
+class World:
+    """The world of a recording: its scenario, its steps, its carriers' tokens.
+
+    Args:
+        member: of the run, on the recorded world's boot; see `world_boot`.
+        speak: where the messages of the others go.
+
+    Raises:
+        RecordingError: the recording holds no scenario, or nothing that a fusion centre closed.
+    """
+
+    def __init__(self, member: Member, recording: Recording, speak: Outlet) -> None:
+        self._member, self._speak = member, speak
+        self._scenario: DeclaredScenario = recording.scenario
+        self._truth = _truth(recording)
+        closings = list(_closings(recording))
+        if not closings:
+            raise RecordingError("nothing was fused in this recording", expected="closed/fusion")
+        self._last = closings[-1]
+        self._lives = sorted({(e.carrier, e.boot) for c in closings for e in c.manifest})
+        self._acks: Inbox[Sample] = Inbox()
+        self._acked = 0
+
+    @contextmanager
+    def present(self, timeout_s: float) -> Iterator[None]:
+        """Be there, with all carriers, and wait for the fusion centre and its recorder.
+
+        Raises:
+            BusError: they do not come in time.
+        """
+        member, control = self._member, self._member.buses.control
+        control.subscribe(keys.ACK.key(member.run, keys.FUSION), self._acks)
+        member.outbox.send(keys.SCENARIO, (), self._scenario)
+        member.outbox.send(keys.TRUTH_SCENARIO, (), self._truth)
+        with ExitStack() as stack:
+            member.announce()
+            for carrier, boot in self._lives:
+                token = keys.alive(member.run, carrier, boot)
+                stack.enter_context(control.announce(token))
+            await_tokens(control, member.run, (keys.FUSION, keys.RECORDER), timeout_s)
+            self._grant(0)
+            yield
+            self._end()
+
+    def __call__(self, message: Recorded) -> None:
+        """Publish a message of the recording, or what the world has to say instead."""
+        topic = message.address.topic
+        if topic is keys.CLOSED_FUSION:
+            self._close(codec.decode(Closed, message.payload, message.encoding))
+        elif topic.role in (keys.Role.INPUT, keys.Role.TRUTH) and topic not in _WORLDS_OWN:
+            self._speak(message)
+
+    def _close(self, closed: Closed) -> None:
+        self._await_ack(closed.step - WINDOW)
+        self._grant(closed.step)
+        self._member.outbox.send(keys.CLOSED_WORLD, (), closed)
+
+    def _grant(self, step: int) -> None:
+        t_ns = self._scenario.epoch_ns + step * self._scenario.step_ns
+        granted = Step(boot=self._member.boot, step=step, t_ns=t_ns)
+        self._member.outbox.send(keys.STEP, (), granted)
+
+    def _end(self) -> None:
+        """Let the fusion centre finish, and leave after it."""
+        last = self._last
+        self._await_ack(last.step)
+        end = Step(boot=self._member.boot, step=last.step, t_ns=last.t_ns, ended="finished")
+        deadline_s = time.monotonic() + LEAVING_S
+        while time.monotonic() < deadline_s:
+            self._member.outbox.send(keys.STEP, (), end)
+            if keys.FUSION not in _names(self._member.buses.control, self._member.run):
+                return
+            time.sleep(PUMP_S)
+
+    def _await_ack(self, step: int) -> None:
+        """Return when the fusion centre has acknowledged a step.
+
+        Raises:
+            BusError: it acknowledges nothing any more.
+        """
+        heard_s = time.monotonic()
+        while self._acked < step:
+            for sample in self._acks.take(PUMP_S):
+                ack = codec.decode(Ack, sample.payload, sample.encoding)
+                self._acked = max(self._acked, ack.step)
+                heard_s = time.monotonic()
+            if time.monotonic() - heard_s > PATIENCE_S:
+                raise BusError(
+                    f"the fusion centre acknowledges nothing beyond step {self._acked}",
+                    where=self._member.run,
+                )
+
+
+def await_tokens(bus: Bus, run: str, names: tuple[str, ...], timeout_s: float) -> None:
+    """Return when processes of these names show their tokens.
+
+    Raises:
+        BusError: one does not in time; names it.
+    """
+    deadline_s = time.monotonic() + timeout_s
+    while names and (missing := sorted(set(names) - _names(bus, run))):
+        if time.monotonic() > deadline_s:
+            raise BusError(
+                f"not there after {timeout_s:g} s: {', '.join(missing)}",
+                where=f"run {run}",
+                expected=f"`crossfix fusion --run {run}` on the same hub",
+            )
+        time.sleep(PUMP_S)
+
+
+def world_boot(recording: Recording) -> str:
+    """The boot that the recorded truth and steps are of; empty where there are none."""
+    for message in recording.messages(topics=(keys.STEP, keys.TRUTH_TARGETS)):
+        try:
+            boot: str = getattr(message.decode(), "boot", "")
+        except WireError:
+            continue
+        return boot
+    return ""
+
+
+def _closings(recording: Recording) -> Iterator[Closed]:
+    for message in recording.messages(topics=(keys.CLOSED_FUSION,)):
+        yield codec.decode(Closed, message.payload, message.encoding)
+
+
+def _truth(recording: Recording) -> TruthScenario:
+    """As attached; an empty one where the truth was not known."""
+    if TRUTH in recording.attachments:
+        return codec.decode(TruthScenario, recording.attachments[TRUTH].data, "json")
+    return TruthScenario(name=recording.scenario.name, seed=0, text="")
+
+
+def _names(bus: Bus, run: str) -> set[str]:
+    tokens = bus.tokens(keys.every_alive(run))
+    return {keys.parse_alive(token)[1] for token in tokens}
+
+
+_WORLDS_OWN = (keys.CLOSED_FUSION, keys.EVENT, keys.TRUTH_SCENARIO)

@@ -1,0 +1,173 @@
+"""Speaks for those who were recorded: publishes their messages and answers for them."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import msgspec
+
+from schemas import codec, keys
+from schemas.bus.answering import reply_to
+from schemas.bus.interface import Bus, Sample
+from schemas.bus.outbox import MAX_RECORDS, REPLY_BYTES
+from schemas.errors import BusError, WireError
+from schemas.messages import BackfillRecord, BackfillReply, BackfillRequest, Input
+from schemas.qos import Qos
+from schemas.recording.reader import Recorded, Recording
+
+from .remapping import NO_RENAMES, Renames
+
+KEEP_BYTES = 32 * 1024 * 1024
+"""Of what was published last is kept for those who have missed it."""
+
+
+class _Boot(msgspec.Struct):
+    boot: str = ""
+
+
+@dataclass(slots=True)
+class _Lane:
+    """Where the messages of one recorded key go, and what is kept of them."""
+
+    key: str
+    qos: Qos
+    process: str
+    stream: str
+    rename: Mapping[str, str] | None
+    latched: bool
+    last: Sample | None = None
+    kept: deque[tuple[int, Sample]] = field(default_factory=deque)
+
+
+class Speaker:
+    """Publishes recorded messages in a run, on the keys they had there.
+
+    Args:
+        run: name to publish under.
+        renames: carriers and sources that go by other names; their envelopes then say so too.
+    """
+
+    def __init__(self, bus: Bus, run: str, renames: Renames = NO_RENAMES) -> None:
+        self._bus, self._run, self._renames = bus, run, renames
+        self._lanes: dict[str, _Lane] = {}
+        self._order: deque[_Lane] = deque()
+        self._bytes = 0
+        self._served: set[str] = set()
+        self._lock = threading.Lock()
+
+    def __call__(self, message: Recorded) -> None:
+        """Publish one message, and keep it for those who miss it."""
+        lane = self._lanes.get(message.key) or self._open(message)
+        payload = message.payload
+        if lane.rename is not None:
+            payload = self._renames.rewritten(message, lane.rename)
+        sample = Sample(lane.key, payload, message.encoding)
+        self._keep(lane, message.sequence, sample)
+        self._bus.publish(lane.key, payload, message.encoding, lane.qos)
+        if lane.latched:
+            self._latch(lane, sample)
+
+    def _open(self, message: Recorded) -> _Lane:
+        address = message.address
+        ids, rename = self._renames.ids(address)
+        lane = _Lane(
+            key=address.topic.key(self._run, *ids.values()),
+            qos=address.topic.qos,
+            process=_owner(keys.Address(self._run, address.topic, ids)),
+            stream=keys.stream(keys.Address(self._run, address.topic, ids)),
+            rename=rename,
+            latched=address.topic.latched,
+        )
+        self._lanes[message.key] = lane
+        if lane.process not in self._served:
+            self._served.add(lane.process)
+            self._bus.serve(keys.BACKFILL.key(self._run, lane.process), self._backfill)
+        return lane
+
+    def _keep(self, lane: _Lane, sequence: int, sample: Sample) -> None:
+        with self._lock:
+            lane.kept.append((sequence, sample))
+            self._order.append(lane)
+            self._bytes += len(sample.payload) + 256
+            while self._bytes > KEEP_BYTES:
+                _, gone = self._order.popleft().kept.popleft()
+                self._bytes -= len(gone.payload) + 256
+
+    def _latch(self, lane: _Lane, sample: Sample) -> None:
+        new, lane.last = lane.last is None, sample
+        if new:
+            self._bus.serve(lane.key, lambda _: [lane.last] if lane.last else [])
+
+    def _backfill(self, question: Sample) -> Iterable[Sample]:
+        request = codec.decode(BackfillRequest, question.payload, question.encoding)
+        process = question.key.rpartition("/")[2]
+        records: list[BackfillRecord] = []
+        size = 0
+        for sample in self._kept(process, request):
+            size += len(sample.payload)
+            if len(records) == MAX_RECORDS or (records and size > REPLY_BYTES):
+                break
+            records.append(
+                BackfillRecord(key=sample.key, encoding=sample.encoding, payload=sample.payload)
+            )
+        yield reply_to(question, BackfillReply(records=records))
+
+    def _kept(self, process: str, request: BackfillRequest) -> list[Sample]:
+        with self._lock:
+            lanes = [lane for lane in self._lanes.values() if lane.process == process]
+            found = [
+                sample
+                for lane in lanes
+                if lane.stream == request.stream
+                for sequence, sample in lane.kept
+                if request.first <= sequence <= request.last
+            ]
+        return [sample for sample in found if request.boot in ("", _boot(sample))]
+
+
+def refuse_if_alive(recording: Recording, run: str, bus: Bus) -> None:
+    """Do not speak for a process that speaks for itself.
+
+    Raises:
+        BusError: one of those recorded is alive in this run; names them.
+    """
+    alive = {keys.parse_alive(token)[1] for token in bus.tokens(keys.every_alive(run))}
+    if speakers := sorted(alive & speakers_of(recording)):
+        raise BusError(
+            f"alive in run {run}: {', '.join(speakers)}", expected="another --run, or their end"
+        )
+
+
+def speakers_of(recording: Recording) -> set[str]:
+    """Carriers by the channels of a recording."""
+    carriers = set[str]()
+    for channel in recording.index.channels.values():
+        try:
+            address = keys.parse(channel.topic)
+        except WireError:
+            continue
+        if address.topic.role is keys.Role.INPUT and "carrier" in address.ids:
+            carriers.add(address.ids["carrier"])
+    return carriers
+
+
+def _owner(address: keys.Address) -> str:
+    """The process that answers for what is published there."""
+    ids, topic = address.ids, address.topic
+    if issubclass(topic.message, Input):
+        return ids["carrier"]
+    if topic.role is keys.Role.TRUTH or topic in (keys.SCENARIO, keys.STEP, keys.CLOSED_WORLD):
+        return keys.WORLD
+    return ids.get("centre") or ids.get("process") or keys.FUSION
+
+
+def _boot(sample: Sample) -> str:
+    try:
+        if "json" in sample.encoding:
+            return msgspec.json.decode(sample.payload, type=_Boot).boot
+        return msgspec.msgpack.decode(sample.payload, type=_Boot).boot
+    except msgspec.MsgspecError:
+        return ""
