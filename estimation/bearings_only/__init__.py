@@ -1,6 +1,7 @@
 """Trajectories from bearings (paper 001)."""
 
 from estimation.bearings_only.bound import cramer_rao
+from estimation.bearings_only.estimate import Estimate, InverseRange, LineOfSight, State
 from estimation.bearings_only.fitting import maximum_likelihood
 from estimation.bearings_only.measurements import Bearings, bearings
 from estimation.bearings_only.motions import (
@@ -28,8 +29,15 @@ from estimation.bearings_only.seeds import (
 )
 
 from estimation.bearings_only.several_carriers import FramePrior, JointSolution, jointly
-from estimation.bearings_only.solution import Interval, Solution, Status, VelocityFamily
+from estimation.bearings_only.solution import (
+    Candidate,
+    Interval,
+    Solution,
+    Status,
+    VelocityFamily,
+)
 from estimation.bearings_only.solving import solve, solve_many
+from estimation.bearings_only.space import Elevations, SpatialEstimate, in_space
 
 __all__ = [
     "CONSTANT_ACCELERATION",
@@ -42,21 +50,29 @@ __all__ = [
     "TURN_RATE",
     "TWO_LEGS",
     "Bearings",
-    "Motion",
+    "Candidate",
+    "Elevations",
+    "Estimate",
     "FramePrior",
     "Interval",
+    "InverseRange",
     "JointSolution",
+    "LineOfSight",
+    "Motion",
     "MotionPrior",
+    "SeedTrack",
     "Solution",
+    "SpatialEstimate",
+    "State",
     "Status",
     "Turn",
     "VelocityFamily",
-    "SeedTrack",
     "bearings",
     "best_turn",
     "chebyshev_first",
     "chebyshev_second",
     "cramer_rao",
+    "in_space",
     "jointly",
     "maximum_likelihood",
     "n_bearings",
