@@ -12,7 +12,7 @@ from bench.tracking.scenes import Scene, evidence
 from estimation.arrays import Array, Indices
 from estimation.tracking.measurements import polar
 from estimation.tracking.scan import Scan, View
-from estimation.tracking.tracker import Picture, Settings, count, nothing, shown, step
+from estimation.tracking.tracker import Picture, Settings, nothing, number, shown, step
 from estimation.tracking.undetected import Region
 
 
@@ -29,7 +29,7 @@ class Run(NamedTuple):
 
     shown: tuple[Snapshot, ...]
     cpu_s: Array
-    picture: Picture
+    picture: Picture | None
 
 
 def settings_for(scene: Scene) -> Settings:
@@ -40,7 +40,7 @@ def settings_for(scene: Scene) -> Settings:
 def scans_of(scene: Scene, poses: Array, features: bool = False) -> list[Scan]:
     """The scene's scans in the picture frame, as carriers at `poses` (S, 3) see it."""
     return [
-        _scan(scene, k, pose, evidence(scene.seen[k]) if features else None)
+        scan_of(scene, k, pose, evidence(scene.seen[k]) if features else None)
         for k, pose in enumerate(poses)
     ]
 
@@ -53,11 +53,12 @@ def run(scans: Iterable[Scan], settings: Settings) -> Run:
         picture, _ = step(picture, scan, settings)
         found = shown(picture, settings)
         cpu.append(time.process_time() - begin)
-        every.append(Snapshot(found.identity, found.mean[:, :2], count(picture)[0]))
+        every.append(Snapshot(found.identity, found.mean[:, :2], number(picture).mean))
     return Run(tuple(every), np.array(cpu), picture)
 
 
-def _scan(scene: Scene, k: int, pose: Array, features: Array | None) -> Scan:
+def scan_of(scene: Scene, k: int, pose: Array, features: Array | None = None) -> Scan:
+    """Scan k in the picture frame, as a carrier at `pose` (3,) sees it."""
     sensors, seen = scene.sensors, scene.seen[k]
     bearing = seen.bearing_rad + pose[2]
     plots = polar(pose[:2], bearing, seen.range_m, sensors.sigma_bearing_rad, sensors.sigma_range_m)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.arrays import Array, Indices
+from estimation.object_count import Count, object_count
 from estimation.tracking import bernoulli, imm, undetected
 from estimation.tracking.bernoulli import Pairs, PairTerm, Tracks
 from estimation.tracking.births import alone
@@ -172,10 +173,9 @@ def shown(picture: Picture, settings: Settings) -> Shown:
     )
 
 
-def count(picture: Picture) -> tuple[float, float]:
-    """Number of targets that have tracks, with its sigma, tracks taken as independent."""
-    r = picture.tracks.existence
-    return float(r.sum()), math.sqrt(float((r * (1.0 - r)).sum()))
+def number(picture: Picture) -> Count:
+    """How many targets there are, with a track or without, where a sensor ever looked."""
+    return object_count(picture.tracks.existence, undetected.expected(picture.undetected))
 
 
 def _named(lone: Tracks, chance: Array, first: int, pruned: float) -> tuple[Tracks, Indices]:
