@@ -67,7 +67,9 @@ def pair(rng: np.random.Generator) -> Pair:
     course = rng.uniform(0, 360)
     other = Own(5, (course, course + rng.uniform(60, 120)), (rng.uniform(200, 400),))
     tracks = own_track(BENCHMARKS["S"].own, t), away + own_track(other, t)
-    around = (away / 2)[None] + rng.uniform(3000, 9000, TARGETS) * heading(rng.uniform(0, 360, TARGETS))
+    around = (away / 2)[None] + rng.uniform(3000, 9000, TARGETS) * heading(
+        rng.uniform(0, 360, TARGETS)
+    )
     velocity = rng.uniform(2, 10, TARGETS) * heading(rng.uniform(0, 360, TARGETS))
     places = around[:, None] + velocity[:, None] * t
     yaw = float(np.radians(rng.normal()))
@@ -88,7 +90,9 @@ def _pair_figures(rng: np.random.Generator, runs: int) -> Iterator[Figure]:
     yaws = np.array([f.yaw_rad[1] - p.yaw_rad for f, p in zip(free, pairs, strict=True)])
     told_sigma = np.array([np.sqrt(f.covariance[0, 0]) for f in free])
     title = "two carriers, 20 targets, 60'"
-    yield at_most(f"{title}, yaw unknown to 1 deg: median range error", _median(free, pairs), 0.6, "%")
+    yield at_most(
+        f"{title}, yaw unknown to 1 deg: median range error", _median(free, pairs), 0.6, "%"
+    )
     yield at_most(f"{title}: yaw error, RMS", rms(yaws) / MINUTE, 6, "arcmin")
     yield told(f"{title}: yaw error / its sigma, RMS", rms(yaws / told_sigma))
     yield told(f"{title}: NEES/2 of the places", float(np.mean(_place_nees(free, pairs))))
@@ -144,7 +148,9 @@ def _straight_figures(rng: np.random.Generator, runs: int) -> Iterator[Figure]:
         scene = benchmark(rng, "S", motion, 60, runs)
         t = scene.given.t_s
         track = own_track(Own(5, (210.0,), ()), t)
-        truth = 3000j + (5 * heading(225)) * t + (0.01 * heading(315) * t**2 if motion == "C" else 0)
+        truth = (
+            3000j + (5 * heading(225)) * t + (0.01 * heading(315) * t**2 if motion == "C" else 0)
+        )
         d = truth - track
         noisy = np.arctan2(d.real, d.imag) + rng.normal(0, SIGMA, (runs, len(t)))
         given = bearings(t, np.stack([track.real, track.imag], axis=1), noisy, SIGMA)

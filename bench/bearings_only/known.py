@@ -15,10 +15,7 @@ from estimation.bearings_only.solution import DETERMINED
 from estimation.consistency import rms
 
 CELLS = [
-    (name, kind, limit)
-    for name in BENCHMARKS
-    for kind in ("A", "B", "C")
-    for limit in (10, 60)
+    (name, kind, limit) for name in BENCHMARKS for kind in ("A", "B", "C") for limit in (10, 60)
 ]
 DEGREES = {"uniform": 1, "constant acceleration": 2, "constant jerk": 3}
 
@@ -40,8 +37,9 @@ def figures(seed: int, runs: int) -> Iterator[Figure]:
         yield between(f"{what}: 95 % intervals cover", _covered(found, scene), 0.92, 0.97)
     for kind, degree in DEGREES.items():
         yield from _random(seed, runs, kind, polynomial(degree))
-    for kind in set(ENSEMBLE) - set(DEGREES):
-        yield from _random(seed, -(-runs // 4), kind, ENSEMBLE[kind], judge=False)
+    for kind, motion in ENSEMBLE.items():
+        if kind not in DEGREES:
+            yield from _random(seed, -(-runs // 4), kind, motion, judge=False)
 
 
 def _random(

@@ -215,7 +215,9 @@ def _observations(
     t = np.minimum(index / (number[:, None] - 1), 1) * duration[:, None]
     seen = (index < number[:, None] - 1) & (rng.uniform(size=t.shape) > 0.1)
     seen[:, [0, -1]] = True
-    own = np.stack([own_track(_random_own(rng, d), row) for d, row in zip(duration, t, strict=True)])
+    own = np.stack(
+        [own_track(_random_own(rng, d), row) for d, row in zip(duration, t, strict=True)]
+    )
     sigma = np.exp(rng.uniform(np.log(2), np.log(20), count)) * MINUTE
     return t, own, np.repeat(sigma[:, None], 60, axis=1), seen
 
@@ -238,7 +240,9 @@ def _random_shape(
     if kind == "turn rate":
         return np.array([sign * np.radians(rng.uniform(0.05, 0.25, count)) * half])
     if kind == "course change":
-        return np.stack([sign * np.radians(rng.uniform(30, 120, count)), rng.uniform(-0.6, 0.6, count)])
+        return np.stack(
+            [sign * np.radians(rng.uniform(30, 120, count)), rng.uniform(-0.6, 0.6, count)]
+        )
     if kind == "finite turn":
         return one_turn(rng, half, count, (-0.5, 0.5))
     if kind == "three legs":
@@ -248,9 +252,7 @@ def _random_shape(
     return np.zeros((0, count))
 
 
-def one_turn(
-    rng: np.random.Generator, half: Array, count: int, middles: Sequence[float]
-) -> Array:
+def one_turn(rng: np.random.Generator, half: Array, count: int, middles: Sequence[float]) -> Array:
     """A turn (3, B) of 1 deg/s for 30 to 120 s, its middle within some half spans."""
     duration = rng.uniform(30, 120, count)
     angle = np.radians(duration) * rng.choice([-1, 1], count)

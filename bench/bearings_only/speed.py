@@ -20,7 +20,9 @@ def figures(seed: int, runs: int) -> Iterator[Figure]:
     repeats = 3 if runs < 100 else 7
     for degree, kind, demand in ((1, "A", 30_000), (2, "C", 15_000), (3, "C", 0)):
         many = benchmark(rng, "S", kind, 10, BATCH).given
-        time = scaled_seconds(lambda g=many, n=degree: maximum_likelihood(g, polynomial(n)), repeats)
+        time = scaled_seconds(
+            lambda g=many, n=degree: maximum_likelihood(g, polynomial(n)), repeats
+        )
         name = f"degree {degree}: solutions a second, batched, scaled"
         yield at_least(name, BATCH / time, demand) if demand else told(name, BATCH / time)
         one = many._replace(bearing_rad=many.bearing_rad[0])
@@ -31,4 +33,8 @@ def figures(seed: int, runs: int) -> Iterator[Figure]:
         time = scaled_seconds(lambda g=given: solve_many(g), min(repeats, 3)) / TARGETS
         yield at_most(f"unknown motion, {kind}: a target, batched, scaled", 1e3 * time, 15, "ms")
     alone = given._replace(bearing_rad=given.bearing_rad[0])
-    yield told("unknown motion: one target alone, scaled", 1e3 * scaled_seconds(lambda: solve(alone), 2), "ms")
+    yield told(
+        "unknown motion: one target alone, scaled",
+        1e3 * scaled_seconds(lambda: solve(alone), 2),
+        "ms",
+    )

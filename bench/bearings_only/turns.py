@@ -51,7 +51,10 @@ def turning(rng: np.random.Generator, name: str, motion: Motion, runs: int) -> D
     if motion is FINITE_TURN:
         shape = one_turn(rng, half, runs, (-0.5, 0.5))
     else:
-        first, second = one_turn(rng, half, runs, (-0.7, -0.25)), one_turn(rng, half, runs, (0.2, 0.6))
+        first, second = (
+            one_turn(rng, half, runs, (-0.7, -0.25)),
+            one_turn(rng, half, runs, (0.2, 0.6)),
+        )
         shape = np.concatenate([first, second])
     v = chosen.speed_mps * heading(chosen.course_deg)
     coefficients = np.stack([3000j + v * half, v + 0 * half])
@@ -83,7 +86,9 @@ def _wandering(rng: np.random.Generator, kind: str, t: Array, runs: int) -> Arra
     phase = rng.uniform(0, 2 * np.pi, (runs, 1))
     if kind == "weave":
         amplitude = np.radians(rng.uniform(45, 80, (runs, 1)))
-        return np.asarray(amplitude * np.sin(2 * np.pi * t / rng.uniform(150, 250, (runs, 1)) + phase))
+        return np.asarray(
+            amplitude * np.sin(2 * np.pi * t / rng.uniform(150, 250, (runs, 1)) + phase)
+        )
     if kind == "loops":
         return np.asarray(phase + 2 * np.pi * t / rng.uniform(180, 300, (runs, 1)))
     leg = rng.uniform(100, 140, (runs, 1))

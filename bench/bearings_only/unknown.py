@@ -132,7 +132,10 @@ def figures(seed: int, runs: int) -> Iterator[Figure]:
 
 def _random_figures(scene: Drawn, found: Judged, kind: str) -> Iterator[Figure]:
     name, median = f"random, {kind}", found.percentile(50)
-    rivals = [n_bearings(scene.given), *(n_polynomials(scene.given, degree) for degree in (1, 2, 3))]
+    rivals = [
+        n_bearings(scene.given),
+        *(n_polynomials(scene.given, degree) for degree in (1, 2, 3)),
+    ]
     medians = [float(np.median(np.abs(seed_errors(scene, rival)[0]))) for rival in rivals]
     yield told(f"{name}: median", median, "%")
     yield told(f"{name}: bound x .6745, median", found.median_bound, "%")

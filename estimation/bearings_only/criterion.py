@@ -44,7 +44,7 @@ class Criterion(NamedTuple):
         of_bearings = self.of_bearings(p)
         if self.prior is None:
             return of_bearings
-        rows = prior_rows(self.scene, self.motion, self.prior, p).only("scale", "shape")
+        rows = prior_rows(self.scene, self.motion, self.prior, p)
         gradient, matrix = products(rows.residual, rows.jacobian)
         squared = np.einsum("rb,rb->b", rows.residual, rows.residual)
         return Normal(

@@ -154,9 +154,12 @@ class Estimate(NamedTuple):
         time = (np.asarray(t_s, dtype=float) - self.scene.middle_s) / self.scene.half_span_s
         c, s, _ = unpacked(self.motion, self.p)
         (f0, slopes0), (f1, slopes1) = self._basis(time - _TICK), self._basis(time + _TICK)
-        bases = ((f0 + f1) / 2, (slopes0 + slopes1) / 2), (
-            (f1 - f0) / (2 * _TICK * self.scene.half_span_s),
-            (slopes1 - slopes0) / (2 * _TICK * self.scene.half_span_s),
+        bases = (
+            ((f0 + f1) / 2, (slopes0 + slopes1) / 2),
+            (
+                (f1 - f0) / (2 * _TICK * self.scene.half_span_s),
+                (slopes1 - slopes0) / (2 * _TICK * self.scene.half_span_s),
+            ),
         )
         values, rows = [], []
         for f, slopes in bases:

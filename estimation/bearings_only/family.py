@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimation.arrays import Array
 from estimation.bearings_only.criterion import Criterion, criterion
@@ -14,9 +13,9 @@ from estimation.bearings_only.estimate import Estimate
 from estimation.bearings_only.fitting import BRISK, THOROUGH, Search, begun, grid_of, lowest
 from estimation.bearings_only.linear_algebra import cholesky, log_determinant
 from estimation.bearings_only.measurements import Scene
-from estimation.bearings_only.motions import FAMILY, FINITE_TURN, THREE_LEGS, Motion
+from estimation.bearings_only.motions import FAMILY, THREE_LEGS, Motion
 from estimation.bearings_only.normal_equations import Loss, products, residuals
-from estimation.bearings_only.prior import MotionPrior, prior_rows
+from estimation.bearings_only.prior import MotionPrior, flat_information, prior_rows
 from estimation.bearings_only.robust import kept, screened
 
 
@@ -55,21 +54,15 @@ def hypotheses(
 
 
 def three_legs(
-    scene: Scene,
-    prior: MotionPrior,
-    tried: Sequence[Hypothesis],
-    loss: Loss | None,
-    columns: NDArray[np.int_],
+    scene: Scene, prior: MotionPrior, first: Array | None, loss: Loss | None = None
 ) -> Hypothesis:
-    """Two turns, for some targets: from a grid, and from the one turn that was found before."""
-    problem = criterion(scene.take(columns), THREE_LEGS, prior, loss)
-    grids = [np.broadcast_to(grid_of(THREE_LEGS), (*grid_of(THREE_LEGS).shape[:2], len(columns)))]
-    for hypothesis_ in tried:
-        if hypothesis_.estimate.motion.shape_names == FINITE_TURN.shape_names:
-            first = hypothesis_.estimate.p[FINITE_TURN.scale_row + 1 :, columns]
-            grids.append(second_turns(first))
-    clean = screened(problem.scene, loss)
-    return hypothesis(problem, np.concatenate(grids, axis=1), clean, THOROUGH)
+    """Two turns: from a grid, and from the one turn (3, B) that was found before."""
+    common = grid_of(THREE_LEGS)
+    grid = np.broadcast_to(common, (*common.shape[:2], scene.targets))
+    if first is not None:
+        grid = np.concatenate([grid, second_turns(first)], axis=1)
+    problem = criterion(scene, THREE_LEGS, prior, loss)
+    return hypothesis(problem, grid, screened(scene, loss), THOROUGH)
 
 
 def hypothesis(problem: Criterion, grid: Array, clean: Scene, search: Search = BRISK) -> Hypothesis:
@@ -85,6 +78,7 @@ def hypothesis(problem: Criterion, grid: Array, clean: Scene, search: Search = B
     assert problem.prior is not None
     rows = prior_rows(problem.scene, problem.motion, problem.prior, end.p)
     volume = products(rows.residual, rows.jacobian)[1]
+    volume += flat_information(problem.scene, problem.motion, end.p)
     of_bearings = problem.of_bearings(end.p)
     h = problem.gauge(end.p)
     gauge = h[:, None] * h[None, :]
@@ -93,7 +87,7 @@ def hypothesis(problem: Criterion, grid: Array, clean: Scene, search: Search = B
         + log_determinant(cholesky(volume + gauge))
         - log_determinant(cholesky(end.normal.matrix + gauge))
     ) / 2
-    shapes = rows.only("shape")
+    shapes = rows.of_shape()
     unaided = of_bearings.matrix + products(shapes.residual, shapes.jacobian)[1]
     chi2, counted = of_bearings.cost, problem.scene.seen.astype(float)
     if problem.loss is not None:

@@ -118,7 +118,7 @@ def _before(problem: Criterion, p: Array) -> Array:
         return np.zeros(p.shape[1])
     shapes = p.shape[1] // problem.scene.targets
     scene = problem.scene.take(np.tile(np.arange(problem.scene.targets), shapes))
-    rows = prior_rows(scene, problem.motion, problem.prior, p).only("scale", "shape").residual
+    rows = prior_rows(scene, problem.motion, problem.prior, p).residual
     return np.einsum("rc,rc->c", rows, rows)
 
 

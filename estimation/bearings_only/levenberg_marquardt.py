@@ -61,7 +61,12 @@ def minimised(problem: Problem, start: Array, steps: int = _STEPS) -> Minimum:
             rest = np.flatnonzero(~done)
             if rest.size == 0:
                 return end
-            active, p, damping, problem = active[rest], p[:, rest], damping[rest], problem.take(rest)
+            active, p, damping, problem = (
+                active[rest],
+                p[:, rest],
+                damping[rest],
+                problem.take(rest),
+            )
             here = Normal(*(part[..., rest] for part in here))
     _store(end, active, p, here, np.ones(len(active), dtype=bool))
     end.converged[active] = False

@@ -162,7 +162,11 @@ CONSTANT_VELOCITY = polynomial(1)
 CONSTANT_ACCELERATION = polynomial(2)
 CONSTANT_JERK = polynomial(3)
 STRAIGHT_ACCELERATED = Motion(
-    "straight accelerated", 1, ("kappa",), straight_path, _grid((-6, -2.5, -1.2, -0.6, -0.2, 0.2, 0.6, 1.2, 2.5, 6))
+    "straight accelerated",
+    1,
+    ("kappa",),
+    straight_path,
+    _grid((-6, -2.5, -1.2, -0.6, -0.2, 0.2, 0.6, 1.2, 2.5, 6)),
 )
 TURN_RATE = Motion(
     "turn rate", 1, ("omega",), circular_path, _grid((-3, -1.6, -0.8, -0.3, 0.3, 0.8, 1.6, 3))

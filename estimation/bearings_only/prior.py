@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple, TypeAlias
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,37 +40,42 @@ class MotionPrior(NamedTuple):
     sigma_log_duration: float = 0.8
 
 
-Kind: TypeAlias = Literal["scale", "shape", "flat"]
-"""What a row speaks of: metres; the form of the track; nothing but the volume of the prior."""
-
-
 class PriorRows(NamedTuple):
-    """Residuals of a prior; with the flat ones there is one row a degree of freedom.
+    """Residuals of a prior.
 
     Attributes:
         residual: (R, B).
         jacobian: (M, R, B).
-        kinds: R of them.
+        scaled: rows that speak of metres, the first ones; the others speak of the track's form.
     """
 
     residual: Array
     jacobian: Array
-    kinds: tuple[Kind, ...]
+    scaled: int
 
-    def only(self, *kinds: Kind) -> PriorRows:
-        """The rows of some kinds."""
-        kept = [i for i, kind in enumerate(self.kinds) if kind in kinds]
-        return PriorRows(
-            self.residual[kept], self.jacobian[:, kept], tuple(self.kinds[i] for i in kept)
-        )
+    def of_shape(self) -> PriorRows:
+        """The rows that hold whatever the range is."""
+        return PriorRows(self.residual[self.scaled :], self.jacobian[:, self.scaled :], 0)
 
 
-class _Row(NamedTuple):
-    """One row: its residual (B,) and its derivatives by some of the parameters."""
-
-    kind: Kind
-    residual: Array
-    by: dict[int, Array]
+def prior_rows(scene: Scene, motion: Motion, prior: MotionPrior, p: Array) -> PriorRows:
+    """The rows at p; infinite range and what lies beyond have no residual (NaN)."""
+    c, s, shape = unpacked(motion, p)
+    at = _Point(scene, prior, motion, c, np.where(s > 0, s, np.nan))
+    informed = [k for k, name in enumerate(motion.shape_names) if name in _SHAPE_ROWS]
+    scaled = 1 + 2 * motion.degree + ("kappa" in motion.shape_names)
+    rows = PriorRows(
+        np.zeros((1 + 2 * motion.degree + len(informed), p.shape[1])),
+        np.zeros((len(p), 1 + 2 * motion.degree + len(informed), p.shape[1])),
+        scaled,
+    )
+    _range_row(at, p, rows)
+    for order in range(1, motion.degree + 1):
+        _derivative_rows(at, order, rows)
+    for i, k in enumerate(informed, start=1 + 2 * motion.degree):
+        parameter = motion.scale_row + 1 + k
+        _SHAPE_ROWS[motion.shape_names[k]](at, shape[k], rows, i, parameter)
+    return rows
 
 
 class _Point(NamedTuple):
@@ -77,93 +83,89 @@ class _Point(NamedTuple):
 
     scene: Scene
     prior: MotionPrior
+    motion: Motion
     c: ComplexArray
     s: Array
 
     def unit(self, order: int) -> Array:
         """Metres by seconds to the `order`, of a coefficient over s."""
-        return self.scene.length_m / self.scene.half_span_s**order
+        return self.scene.length_m / self.scene.half_span_s**order / self.s
 
 
-def prior_rows(scene: Scene, motion: Motion, prior: MotionPrior, p: Array) -> PriorRows:
-    """The rows at p; infinite range and what lies beyond have no residual (NaN)."""
-    c, s, shape = unpacked(motion, p)
-    at = _Point(scene, prior, c, np.where(s > 0, s, np.nan))
-    first = motion.scale_row + 1
-    rows = _place_rows(at, motion, p)
-    for order in range(1, motion.degree + 1):
-        rows += _derivative_rows(at, order)
-    for k, name in enumerate(motion.shape_names):
-        rows.append(_SHAPE_ROWS[name](at, shape[k], first + k))
-    jacobian = np.zeros((len(p), len(rows), p.shape[1]))
-    for i, row in enumerate(rows):
-        for parameter, derivative in row.by.items():
-            jacobian[parameter, i] = derivative
-    residual = np.stack([np.broadcast_to(row.residual, s.shape) for row in rows])
-    return PriorRows(residual, jacobian, tuple(row.kind for row in rows))
-
-
-def _place_rows(at: _Point, motion: Motion, p: Array) -> list[_Row]:
-    """Range and bearing at the last bearing, by the logarithm of d."""
-    last = at.scene._replace(time=at.scene.time[-1:], observer=at.scene.observer[-1:])
-    d, by = (values[..., 0, :] for values in directions(last, motion, p))
-    of = by / d
+def _range_row(at: _Point, p: Array, rows: PriorRows) -> None:
+    """The logarithm of the range at the last bearing."""
+    d, by = _last_direction(at.scene, at.motion, p)
     sigma = at.prior.sigma_log_range
     median = at.prior.range_m / at.scene.length_m
-    by_range = of.real / sigma
-    by_range[motion.scale_row] -= 1 / at.s / sigma
-    log_range = (np.log(np.abs(d)) - np.log(at.s * median)) / sigma
-    return [
-        _Row("scale", log_range, dict(enumerate(by_range))),
-        _Row("flat", np.zeros(1), dict(enumerate(of.imag / _BEARING_SIGMA_RAD))),
-    ]
+    rows.residual[0] = np.log(np.abs(d) / (at.s * median)) / sigma
+    rows.jacobian[:, 0] = (by / d).real / sigma
+    rows.jacobian[at.motion.scale_row, 0] -= 1 / at.s / sigma
 
 
-def _derivative_rows(at: _Point, order: int) -> list[_Row]:
+def _last_direction(scene: Scene, motion: Motion, p: Array) -> tuple[ComplexArray, ComplexArray]:
+    last = scene._replace(time=scene.time[-1:], observer=scene.observer[-1:])
+    d, by = directions(last, motion, p)
+    return d[0], by[:, 0]
+
+
+def _derivative_rows(at: _Point, order: int, rows: PriorRows) -> None:
     """Velocity, acceleration or jerk, east and north."""
     prior = at.prior
     sigmas = (prior.sigma_speed_mps, prior.sigma_acceleration_mps2, prior.sigma_jerk_mps3)
-    unit = at.unit(order) / sigmas[min(order, 3) - 1] / at.s
+    unit = at.unit(order) / sigmas[min(order, 3) - 1]
     value = at.c[order] * unit
-    size = len(at.c)
-    return [
-        _Row("scale", part, {row: unit, 2 * size: -part / at.s})
-        for part, row in ((value.real, order), (value.imag, size + order))
-    ]
+    for part, row, parameter in (
+        (value.real, 2 * order - 1, order),
+        (value.imag, 2 * order, at.motion.degree + 1 + order),
+    ):
+        rows.residual[row] = part
+        rows.jacobian[parameter, row] = unit
+        rows.jacobian[at.motion.scale_row, row] = -part / at.s
 
 
-def _kappa(at: _Point, kappa: Array, index: int) -> _Row:
+def _kappa(at: _Point, kappa: Array, rows: PriorRows, row: int, parameter: int) -> None:
     """Acceleration along the course, kappa times the speed."""
-    by_kappa = np.abs(at.c[1]) * at.unit(2) / at.s / at.prior.sigma_acceleration_mps2
+    by_kappa = np.abs(at.c[1]) * at.unit(2) / at.prior.sigma_acceleration_mps2
     value = kappa * by_kappa
     by_c = value * at.c[1] / (np.abs(at.c[1]) ** 2 + 1e-300)
-    return _Row("scale", value, {1: by_c.real, 3: by_c.imag, 4: -value / at.s, index: by_kappa})
+    rows.residual[row] = value
+    rows.jacobian[[1, 3, 4, parameter], row] = by_c.real, by_c.imag, -value / at.s, by_kappa
 
 
-def _omega(at: _Point, omega: Array, index: int) -> _Row:
+def _omega(at: _Point, omega: Array, rows: PriorRows, row: int, parameter: int) -> None:
     by = 1 / (at.scene.half_span_s * at.prior.sigma_turn_rate_rad_s)
-    return _Row("shape", omega * by, {index: by})
+    rows.residual[row], rows.jacobian[parameter, row] = omega * by, by
 
 
-def _angle(at: _Point, angle: Array, index: int) -> _Row:
+def _angle(at: _Point, angle: Array, rows: PriorRows, row: int, parameter: int) -> None:
     by = 1 / at.prior.sigma_turn_rad
-    return _Row("shape", angle * by, {index: np.array(by)})
+    rows.residual[row], rows.jacobian[parameter, row] = angle * by, by
 
 
-def _duration(at: _Point, log_duration: Array, index: int) -> _Row:
+def _duration(at: _Point, log_duration: Array, rows: PriorRows, row: int, parameter: int) -> None:
     by = 1 / at.prior.sigma_log_duration
     longer = log_duration + np.log(at.scene.half_span_s / at.prior.turn_duration_s)
-    return _Row("shape", longer * by, {index: np.array(by)})
+    rows.residual[row], rows.jacobian[parameter, row] = longer * by, by
 
 
-def _middle(at: _Point, middle: Array, index: int) -> _Row:
-    return _Row("flat", np.zeros(1), {index: np.array(1 / _MIDDLE_SIGMA)})
-
-
-_SHAPE_ROWS = {
+_SHAPE_ROWS: dict[str, Callable[[_Point, Array, PriorRows, int, int], None]] = {
     "kappa": _kappa,
     "omega": _omega,
     "angle": _angle,
-    "middle": _middle,
     "duration": _duration,
 }
+"""A turn may come at any time: "middle" has none."""
+
+
+def flat_information(scene: Scene, motion: Motion, p: Array) -> Array:
+    """Information (M, M, B) as of the uniform priors, of bearing and turn times.
+
+    It is no part of the criterion; it is what makes the prior's volume a number.
+    """
+    d, by = _last_direction(scene, motion, p)
+    row = (by / d).imag / _BEARING_SIGMA_RAD
+    information: Array = row[:, None] * row[None, :]
+    for k, name in enumerate(motion.shape_names, start=motion.scale_row + 1):
+        if name == "middle":
+            information[k, k] += 1 / _MIDDLE_SIGMA**2
+    return information

@@ -46,7 +46,9 @@ class SeedTrack(NamedTuple):
         """Velocities (..., 2) at times (...), by central differences over 1e-4 of the time."""
         t = np.asarray(t_s, dtype=float)
         tick = 1e-4 * (self.last_s - self.first_s) + 1e-9
-        velocity: Array = (self.position_m(t + tick) - self.position_m(t - tick)) / (2 * tick[..., None])
+        velocity: Array = (self.position_m(t + tick) - self.position_m(t - tick)) / (
+            2 * tick[..., None]
+        )
         return velocity
 
     @property

@@ -109,9 +109,7 @@ def jointly(
         return _told(problem, frames, p, g, system, converged)
 
 
-def _together(
-    carriers: Sequence[Bearings], priors: Sequence[FramePrior]
-) -> tuple[Scene, _Frames]:
+def _together(carriers: Sequence[Bearings], priors: Sequence[FramePrior]) -> tuple[Scene, _Frames]:
     """One scene of all rows in order of time."""
     t = np.concatenate([c.t_s for c in carriers])
     order = np.argsort(t, kind="stable")
@@ -134,9 +132,7 @@ def _together(
     return scene, _Frames(who, np.array(sigmas))
 
 
-def _descended(
-    problem: Criterion, frames: _Frames, p: Array
-) -> tuple[Array, Array, _System, bool]:
+def _descended(problem: Criterion, frames: _Frames, p: Array) -> tuple[Array, Array, _System, bool]:
     """Levenberg-Marquardt over targets and frames together."""
     g = np.zeros(len(frames.sigmas))
     here = _system(problem, frames, p, g)

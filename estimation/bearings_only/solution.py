@@ -17,7 +17,7 @@ from estimation.bearings_only.estimate import Estimate, LineOfSight, State
 Status: TypeAlias = Literal["determined", "weak", "undetermined"]
 
 DETERMINED, WEAK = 0.1, 0.5  # sd(1/R) R
-_COUNTS = 0.005  # weight from which a motion is mixed in
+COUNTS = 0.005  # weight from which a motion is mixed in
 _HALVINGS = 60
 
 
@@ -152,7 +152,7 @@ def _quantile(weights: Array, means: Array, sigmas: Array, level: float) -> floa
     return (low + high) / 2
 
 
-def counted(weights: Array) -> Array:
-    """Indices of the motions that are mixed in, the heaviest first."""
-    order = np.argsort(-weights, kind="stable")
-    return order[weights[order] >= _COUNTS]
+def unknown(used: int, last_s: float) -> Solution:
+    """The solution of a target of which the bearings say nothing."""
+    nothing = Interval(0.0, np.inf)
+    return Solution("undetermined", np.inf, nothing, None, None, (), False, used, last_s, ())

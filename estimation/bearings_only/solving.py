@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 from estimation.arrays import Array
 from estimation.bearings_only.estimate import Estimate
 from estimation.bearings_only.family import Hypothesis, hypotheses, three_legs
 from estimation.bearings_only.measurements import Bearings, Scene, scene_of
-from estimation.bearings_only.motions import FAMILY, Motion
+from estimation.bearings_only.motions import FAMILY, FINITE_TURN, Motion
 from estimation.bearings_only.normal_equations import Loss
 from estimation.bearings_only.prior import MotionPrior
 from estimation.bearings_only.solution import (
+    COUNTS,
     Candidate,
     Interval,
     Solution,
     VelocityFamily,
-    counted,
     mixture_interval,
     status_of,
+    unknown,
 )
 
 ALARM = 0.01  # p value of the winner below which its motion is not believed
@@ -60,97 +61,121 @@ def solve_many(
 ) -> list[Solution]:
     """The same for every target of a batch, flattened, at a fraction of the time."""
     scene, prior = scene_of(given), prior or MotionPrior()
-    found: list[Solution] = []
     with np.errstate(all="ignore"):
-        for start in range(0, scene.targets, _BLOCK):
-            columns = np.arange(start, min(start + _BLOCK, scene.targets))
-            found += _solved(scene.take(columns), prior, motions, loss)
-    return found
+        fits = _fits(scene, prior, motions, loss)
+        alarmed = [i for i, tried in enumerate(fits) if _best(tried).p_value < ALARM]
+        for start in range(0, len(alarmed), _BLOCK):
+            some = alarmed[start : start + _BLOCK]
+            more = three_legs(
+                scene.take(np.array(some)), prior, _turns([fits[i] for i in some]), loss
+            )
+            for column, i in enumerate(some):
+                fits[i].append(_Fit(more, column))
+        return [_judged(tried, scene, i) for i, tried in enumerate(fits)]
 
 
-def _solved(
+class _Fit(NamedTuple):
+    """One motion of one target: a column of a hypothesis."""
+
+    hypothesis: Hypothesis
+    column: int
+
+    @property
+    def motion(self) -> Motion:
+        return self.hypothesis.estimate.motion
+
+    @property
+    def log_evidence(self) -> float:
+        return float(self.hypothesis.log_evidence[self.column])
+
+    @property
+    def p_value(self) -> float:
+        chi2 = np.nan_to_num(self.hypothesis.estimate.chi2[self.column], nan=np.inf)
+        return float(gammaincc(self.hypothesis.dof[self.column] / 2, chi2 / 2))
+
+    def candidate(self, weight: float) -> Candidate:
+        """As it is reported."""
+        chi2, dof = self.hypothesis.estimate.chi2[self.column], self.hypothesis.dof[self.column]
+        return Candidate(self.motion.name, weight, float(chi2), float(dof), self.p_value)
+
+    def estimate(self) -> Estimate:
+        """Of this target alone."""
+        return self.hypothesis.estimate.take(np.array([self.column]))
+
+    def unaided(self) -> Estimate:
+        """The estimate as if the prior said nothing of metres."""
+        information = self.hypothesis.unaided[..., [self.column]]
+        return self.estimate()._replace(information=information)
+
+
+def _fits(
     scene: Scene, prior: MotionPrior, motions: Sequence[Motion], loss: Loss | None
-) -> list[Solution]:
-    tried = hypotheses(scene, prior, motions, loss)
-    best = np.argmax([h.log_evidence for h in tried], axis=0)
-    fits = np.take_along_axis(_p_values(tried), best[None], axis=0)[0]
-    alarmed = np.flatnonzero(fits < ALARM)
-    more = three_legs(scene, prior, tried, loss, alarmed) if alarmed.size else None
-    found = [_judged(tried, scene, column) for column in range(scene.targets)]
-    for i, column in enumerate(alarmed):
-        assert more is not None
-        both = [*(_column(h, column) for h in tried), _column(more, i)]
-        found[column] = _judged(both, scene.take(np.array([column])), 0)
-    return found
+) -> list[list[_Fit]]:
+    """Of every target, all motions."""
+    fits: list[list[_Fit]] = []
+    for start in range(0, scene.targets, _BLOCK):
+        columns = np.arange(start, min(start + _BLOCK, scene.targets))
+        tried = hypotheses(scene.take(columns), prior, motions, loss)
+        fits += [[_Fit(h, column) for h in tried] for column in range(len(columns))]
+    return fits
 
 
-def _p_values(tried: Sequence[Hypothesis]) -> Array:
-    """(models, B): of the chi-squared of the bearings."""
-    chi2, dof = np.array([h.estimate.chi2 for h in tried]), np.array([h.dof for h in tried])
-    found: Array = gammaincc(dof / 2, np.nan_to_num(chi2, nan=np.inf) / 2)
-    return found
+def _best(tried: Sequence[_Fit]) -> _Fit:
+    return max(tried, key=lambda fit: fit.log_evidence)
 
 
-def _column(hypothesis: Hypothesis, column: int) -> Hypothesis:
-    one: NDArray[np.int_] = np.array([column])
-    return Hypothesis(hypothesis.estimate.take(one), *(part[..., one] for part in hypothesis[1:]))
+def _turns(fits: Sequence[Sequence[_Fit]]) -> Array | None:
+    """The finite turns (3, B) that were found, when one was tried."""
+    found = [
+        fit.hypothesis.estimate.p[FINITE_TURN.scale_row + 1 :, fit.column]
+        for tried in fits
+        for fit in tried
+        if fit.motion.name == FINITE_TURN.name
+    ]
+    return np.stack(found, axis=1) if len(found) == len(fits) else None
 
 
-def _judged(tried: Sequence[Hypothesis], scene: Scene, column: int) -> Solution:
-    """The solution of one column of the hypotheses."""
+def _judged(tried: list[_Fit], scene: Scene, column: int) -> Solution:
+    """The solution of one target from all its fits."""
     last_s = float(_of(scene.middle_s, column) + _of(scene.half_span_s * scene.time[-1], column))
     used = int(scene.seen[column])
-    evidence = np.array([h.log_evidence[column] for h in tried])
-    if used == 0 or not np.isfinite(evidence).any():
-        return Solution("undetermined", np.inf, Interval(0.0, np.inf), None, None, (), False, used, last_s, ())
-    weights = np.exp(evidence - evidence.max())
+    tried = sorted(tried, key=lambda fit: -fit.log_evidence)
+    evidence = np.array([fit.log_evidence for fit in tried])
+    if used == 0 or not np.isfinite(evidence[:1]).all():
+        return unknown(used, last_s)
+    weights = np.exp(evidence - evidence[0])
     weights /= weights.sum()
-    order = np.argsort(-weights, kind="stable")
-    tried = [_column(tried[k], column) for k in order]
-    weights = weights[order]
-    return _told(tried, weights, used, last_s)
-
-
-def _told(
-    tried: list[Hypothesis], weights: Array, used: int, last_s: float
-) -> Solution:
-    """The solution from the hypotheses of one target, the heaviest first."""
-    p_values = _p_values(tried)[:, 0]
-    candidates = tuple(
-        Candidate(
-            h.estimate.motion.name, float(w), float(h.estimate.chi2[0]), float(h.dof[0]), float(p)
-        )
-        for h, w, p in zip(tried, weights, p_values, strict=True)
+    heavy = max(int((weights >= COUNTS).sum()), 1)
+    shares = weights[:heavy] / weights[:heavy].sum()
+    estimates = [fit.estimate() for fit in tried[:heavy]]
+    relative, interval = _spread(tried[:heavy], estimates, shares)
+    return Solution(
+        status_of(relative),
+        relative,
+        interval,
+        estimates[0].line_of_sight().one(),
+        velocity_family(estimates[0]),
+        tuple(fit.candidate(float(w)) for fit, w in zip(tried, weights, strict=True)),
+        tried[0].p_value < ALARM,
+        used,
+        last_s,
+        tuple(zip(shares.tolist(), estimates, strict=True)),
     )
-    heavy = [int(k) for k in counted(weights)]
-    shares = weights[heavy] / weights[heavy].sum()
-    aided = [tried[k].estimate.inverse_range() for k in heavy]
-    alone = [_unaided(tried[k]).inverse_range() for k in heavy]
+
+
+def _spread(
+    tried: Sequence[_Fit], estimates: Sequence[Estimate], shares: Array
+) -> tuple[float, Interval]:
+    """sd(1/R) R of the winner, and the interval of all; undetermined: both without the prior."""
+    aided = [estimate.inverse_range() for estimate in estimates]
+    alone = [fit.unaided().inverse_range() for fit in tried]
     means = np.array([a.value[0] for a in aided])
     sigmas = np.array([a.sigma[0] for a in aided])
     spread = np.sqrt(shares @ (sigmas**2 + (means - means[0]) ** 2))
     relative = float(np.nan_to_num(max(spread, alone[0].sigma[0]) / means[0], nan=np.inf))
-    status = status_of(relative)
-    if status == "undetermined":
+    if status_of(relative) == "undetermined":
         sigmas = np.array([a.sigma[0] for a in alone])
-    winner = tried[0].estimate
-    return Solution(
-        status,
-        relative,
-        mixture_interval(shares, means, np.nan_to_num(sigmas, nan=1.0, posinf=1.0)),
-        winner.line_of_sight().one(),
-        velocity_family(winner),
-        candidates,
-        bool(p_values[0] < ALARM),
-        used,
-        last_s,
-        tuple((float(w), tried[k].estimate) for w, k in zip(shares, heavy, strict=True)),
-    )
-
-
-def _unaided(hypothesis: Hypothesis) -> Estimate:
-    """The estimate as if the prior said nothing of metres."""
-    return hypothesis.estimate._replace(information=hypothesis.unaided)
+    return relative, mixture_interval(shares, means, np.nan_to_num(sigmas, nan=1.0, posinf=1.0))
 
 
 def velocity_family(estimate: Estimate) -> VelocityFamily:

@@ -84,7 +84,9 @@ class _SpatialProblem(NamedTuple):
         rows[:, -1] = 0
         rows[-1, -1], rows[s_row, -1] = self.known_weight / s, -self.known_weight * p[-1] / s**2
         elevations = (np.arctan2(up, far) - self.elevation) * self.weight
-        altitude = np.where(self.known_weight > 0, (p[-1] / s - self.known) * self.known_weight, 0.0)
+        altitude = np.where(
+            self.known_weight > 0, (p[-1] / s - self.known) * self.known_weight, 0.0
+        )
         return np.concatenate([elevations, altitude[None]]), rows
 
     def admissible(self, p: Array) -> Array:

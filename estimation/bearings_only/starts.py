@@ -42,7 +42,9 @@ def lines_of(scene: Scene, motion: Motion, grid: Array) -> Lines:
     shapes, targets = grid.shape[1], scene.targets
     shape = np.broadcast_to(grid, (*grid.shape[:2], targets)).reshape(len(grid), shapes * targets)
     if scene.time.shape[1] == 1 and grid.shape[2] == 1:
-        f = np.repeat(motion.basis(scene.time, grid[..., 0])[0], targets if motion.path else 1, axis=2)
+        f = np.repeat(
+            motion.basis(scene.time, grid[..., 0])[0], targets if motion.path else 1, axis=2
+        )
     else:
         time = np.tile(scene.time, shapes) if scene.time.shape[1] > 1 else scene.time
         f = motion.basis(time, shape)[0]
