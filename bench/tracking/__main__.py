@@ -18,6 +18,7 @@ from bench.tracking import arrival, ours, registered
 from bench.tracking.ours import Run, settings_for
 from bench.tracking.scenes import CARRIERS, Scene, Size, drawn, read
 from bench.tracking.scoring import Score, score
+from estimation.tracking.scan import Scan
 from estimation.tracking.tracker import Settings
 
 _LARGE_BOX_M = 316_228.0
@@ -144,7 +145,7 @@ def _registered_figures(
     yield told(f"{name}, reported poses as they are: GOSPA / known frames", worse)
 
 
-def _at_all_scans(scene: Scene, scans: Sequence[ours.Scan], settings: Settings) -> Run:
+def _at_all_scans(scene: Scene, scans: Sequence[Scan], settings: Settings) -> Run:
     """A run over some of the scans, what it showed last standing for the others."""
     run = ours.run(scans, settings)
     instants = np.round(scene.t_s * 1e9)

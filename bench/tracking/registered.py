@@ -13,12 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from bench.tracking.ours import scan_of
-from bench.tracking.scenes import CARRIERS, Scene
+from bench.tracking.scenes import Scene
 from estimation.acquisition import acquire
 from estimation.arrays import Array, Indices
 from estimation.relative_frame import OwnAxesFrame, PolarLogs, RelativeFramePrior
 from estimation.relative_frame.adjustment import updated
 from estimation.tracking import bernoulli
+from estimation.tracking.imm import combined
 from estimation.tracking.innovations import Common
 from estimation.tracking.marginals import by_assignment
 from estimation.tracking.scan import Scan
@@ -40,8 +41,8 @@ class Frame(NamedTuple):
 
 def scans(scene: Scene, settings: Settings) -> Iterator[Scan]:
     """The scans of a scene as far as their frames are known, in the picture frame."""
-    alone, frames = nothing(settings, 0), dict.fromkeys(range(1, CARRIERS))
-    known: dict[int, Frame] = {}
+    alone = nothing(settings, 0)
+    known: dict[int, Frame | None] = {}
     for k, carrier in enumerate(scene.carrier.tolist()):
         reported = scan_of(scene, k, scene.reported[k])
         if carrier == 0:
@@ -49,13 +50,18 @@ def scans(scene: Scene, settings: Settings) -> Iterator[Scan]:
             yield reported
             continue
         now = predicted(alone, reported.t_ns, settings)
-        if carrier in known:
-            known[carrier] = _improved(known[carrier], scene, k, now, settings)
-        elif scene.t_s[k] >= _STARTS_S:
-            known |= {carrier: f for f in _acquired(scene, k, now, settings)}
-        if carrier in known:
-            yield _corrected(scene, k, known[carrier])
-    assert known.keys() == frames.keys()
+        known[carrier] = frame = _compared(known.get(carrier), scene, k, now, settings)
+        if frame is not None:
+            yield _corrected(scene, k, frame)
+
+
+def _compared(
+    frame: Frame | None, scene: Scene, k: int, own: Picture, settings: Settings
+) -> Frame | None:
+    """The frame of a scan's carrier after that scan, None as long as it is not known."""
+    if frame is not None:
+        return _improved(frame, scene, k, own, settings)
+    return _acquired(scene, k, own, settings) if scene.t_s[k] >= _STARTS_S else None
 
 
 def _corrected(scene: Scene, k: int, frame: Frame) -> Scan:
@@ -63,7 +69,7 @@ def _corrected(scene: Scene, k: int, frame: Frame) -> Scan:
     return scan._replace(common=Common(frame.covariance, scan.view.site_m))
 
 
-def _acquired(scene: Scene, k: int, own: Picture, settings: Settings) -> list[Frame]:
+def _acquired(scene: Scene, k: int, own: Picture, settings: Settings) -> Frame | None:
     """The frame at the first comparison, if one was found that may be acted upon."""
     tracks, plots = shown(own, settings), scan_of(scene, k, scene.reported[k])
     place = scene.reported[k][:2]
@@ -76,11 +82,9 @@ def _acquired(scene: Scene, k: int, own: Picture, settings: Settings) -> list[Fr
     )
     own_logs = PolarLogs.from_east_north(tracks.mean[mine, :2], tracks.covariance[mine, :2, :2])
     found = acquire(own_logs, _logs(scene, k).take(theirs), prior)
-    return [
-        _frame(mode.frame, scene.reported[k])
-        for mode in found.modes[:1]
-        if mode.probability > _SURE
-    ]
+    if not found.modes or found.modes[0].probability < _SURE:
+        return None
+    return _frame(found.modes[0].frame, scene.reported[k])
 
 
 def _improved(frame: Frame, scene: Scene, k: int, own: Picture, settings: Settings) -> Frame:
@@ -94,15 +98,13 @@ def _improved(frame: Frame, scene: Scene, k: int, own: Picture, settings: Settin
     mean, covariance = _states(tracks.take(pairs.track[chosen]))
     own_logs = PolarLogs.from_east_north(mean, covariance * _EARLIER)
     before = OwnAxesFrame(
-        scene.reported[k, :2] + frame.error[:2], np.float64(frame.error[2]), frame.covariance
+        scene.reported[k, :2] + frame.error[:2], np.asarray(frame.error[2]), frame.covariance
     )
     after = updated(own_logs, _logs(scene, k).take(pairs.plot[chosen]), before)
     return _frame(after.frame, scene.reported[k])
 
 
 def _states(tracks: bernoulli.Tracks) -> tuple[Array, Array]:
-    from estimation.tracking.imm import combined
-
     mean, covariance = combined(tracks.bank)
     return mean[:2].T, np.moveaxis(covariance[:2, :2], -1, 0)
 
