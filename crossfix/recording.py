@@ -28,7 +28,7 @@ def carry_out(run: str, options: RecordOptions) -> int:
     Raises:
         CrossfixError: options that mean nothing, no hub, a file that cannot be made.
     """
-    console = Console(stderr=True, highlight=False)
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
     how = how_of(options)
     path = _new(options.output, run)
     with (

@@ -6,7 +6,7 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 from schemas.messages import PlayerCommand, PlayerStatus
 from schemas.recording.reader import Recorded
@@ -20,11 +20,8 @@ SHOW_EVERY = 128
 State = Literal["waiting", "playing", "paused", "ended"]
 
 
-class Outlet(Protocol):
-    """Where messages go."""
-
-    def __call__(self, message: Recorded) -> None:
-        """Publish one."""
+Outlet = Callable[[Recorded], None]
+"""Where messages go."""
 
 
 class Played(NamedTuple):

@@ -47,7 +47,7 @@ def carry_out(path: Path, options: ReplayOptions) -> int:
     Raises:
         CrossfixError: the recording, the hub, or an option.
     """
-    console = Console(stderr=True, highlight=False)
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
     with (
         open_recording(path) as recording,
         open_bus(options.connect, HUB_S) as control,

@@ -256,12 +256,12 @@ class Recorder:
             RecordingError: the disk fails.
         """
         message, stream, seq = screened.message, screened.stream, screened.seq
+        if isinstance(message, Step | Closed):
+            self._heed(message, screened.address.topic)
         if seq and self._gaps.is_repeated(stream, seq, sample.key):
             row.repeated += 1
             self._repeated += 1
             return
-        if isinstance(message, Step | Closed):
-            self._heed(message, screened.address.topic)
         if self.paused:
             row.passed_over += 1
             self._passed_over += 1
