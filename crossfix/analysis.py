@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import TypeVar, overload
+from typing import Self, TypeVar, overload
 
 from msgspec import Struct
 
@@ -36,6 +36,9 @@ class Recording(reader.Recording):
     """
 
     unreadable = 0
+
+    def __enter__(self) -> Self:
+        return self
 
     @overload
     def read(self, what: type[T], **ids: str) -> Iterator[T]: ...
