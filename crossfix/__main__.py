@@ -28,6 +28,7 @@ VERBS = (
     "merge",
     "cat",
     "record",
+    "export",
     "replay",
     "tell",
     "peek",
