@@ -33,6 +33,10 @@ from .views import View
 MOST_DOF = 2000
 CONTRADICTION = 25.0
 """Chi2 of 3 dof beyond which a search has found another frame than the one followed."""
+LEAST_USUAL = 2.0
+"""Pairs at an event, on average, from which half of them can be missed."""
+FORGETTING = 0.1
+"""Weight of the newest event in that average."""
 NO_PAIRS = Misclosure(0, 0.0, 0)
 
 
@@ -89,12 +93,14 @@ def _judged(state: State, moment: Moment, name: str, scan: Scan | None, only_nam
         link, alarm = _watched(state, link, name, scan)
         if alarm:
             return _given_up(state, [name], "the frame has jumped: its targets lie elsewhere")
-    if not only_named and _is_due_for_doubt(state, link):
+    pairs = scan.misclosure.pairs if scan else 0
+    if _is_due_for_doubt(state, link, pairs, only_named):
         link = replace(link, doubts=_doubts(state, moment, name, link, frame))
         if link.doubts > 1:
             why = "a search from the start finds another frame than the one followed"
             return _given_up(state, [name], why)
-    return _with(state, name, link)
+    usual = link.usual_pairs + FORGETTING * (pairs - link.usual_pairs)
+    return _with(state, name, replace(link, usual_pairs=usual))
 
 
 def _monitored(state: State, link: Link, estimate: Estimate, scan: Scan | None) -> Monitor:
@@ -121,8 +127,14 @@ def _watched(state: State, link: Link, name: str, scan: Scan) -> tuple[Link, boo
     return replace(link, watch=watch), alarm
 
 
-def _is_due_for_doubt(state: State, link: Link) -> bool:
-    return link.doubts > 0 or link.events % state.settings.registration.verify_every == 0
+def _is_due_for_doubt(state: State, link: Link, pairs: int, only_named: bool) -> bool:
+    """Whether a frame is to be searched for anew: a doubt is open, pairs are lost, or it is time.
+
+    What rests on names alone is not doubted on time.
+    """
+    on_time = link.events % state.settings.registration.verify_every == 0 and not only_named
+    lost = link.usual_pairs >= LEAST_USUAL and pairs < link.usual_pairs / 2
+    return on_time or lost or link.doubts > 0
 
 
 def _doubts(state: State, moment: Moment, name: str, link: Link, frame: OwnAxesFrame) -> int:

@@ -27,6 +27,9 @@ from .settings import RegistrationSettings
 from .state import Orders
 from .views import View
 
+TELLING_MPS = 5.0
+"""Sigma of a velocity, per axis, from which it tells ships apart."""
+
 
 class Found(NamedTuple):
     """What a search came to.
@@ -87,7 +90,10 @@ def _polar(view: View, which: NDArray[np.intp]) -> PolarLogs:
 
 
 def _velocities(view: View, which: NDArray[np.intp]) -> Velocities:
-    return Velocities(view.velocity_mps[which], view.velocity_covariance[which])
+    """Velocities that tell targets apart; one that is hardly known yet is none."""
+    covariance = view.velocity_covariance[which]
+    known = np.trace(covariance, axis1=1, axis2=2) < 2 * TELLING_MPS**2
+    return Velocities(np.where(known[:, None], view.velocity_mps[which], np.nan), covariance)
 
 
 def _constraints(

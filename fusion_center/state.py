@@ -210,6 +210,7 @@ class Link(Struct, frozen=True, kw_only=True):
         mode_probability: of the association it was found with.
         events: report events so far; tries: searches in vain since the last success.
         doubts: searches in a row that found another frame than the one followed.
+        usual_pairs: at an event, on average over the last ones.
         watch: what the alarm remembers.
         estimate: what is published: the newest, or while applied the last good one.
     """
@@ -222,6 +223,7 @@ class Link(Struct, frozen=True, kw_only=True):
     events: int = 0
     tries: int = 0
     doubts: int = 0
+    usual_pairs: float = 0.0
     watch: WatchColumns | None = None
     monitor: Monitor = Monitor()
     estimate: Estimate | None = None
