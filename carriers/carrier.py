@@ -11,6 +11,7 @@ from msgspec import Struct
 from estimation.arrays import Array
 from estimation.frames import Site, geodetic_from_enu, on_surface, site_at
 from schemas import keys
+from schemas.errors import ScenarioError
 from schemas.messages import (
     Navigation,
     Pose,
@@ -100,14 +101,17 @@ class Carrier:
     """A carrier of a scenario; what it says depends on the truth of a step and on its stamp.
 
     Raises:
-        ValueError: the scenario has no carrier of that name.
+        ScenarioError: it has no carrier of that name.
     """
 
     def __init__(self, scenario: Scenario, name: str) -> None:
         file = scenario.file
         part = {c.name: c for c in file.carriers}.get(name)
         if part is None:
-            raise ValueError(f"no carrier {name!r} among {[c.name for c in file.carriers]}")
+            names = ", ".join(c.name for c in file.carriers)
+            raise ScenarioError(
+                "no such carrier", where=file.name, got=name, expected=f"one of {names}"
+            )
         self.name = name
         self._part, self._origin = part, origin_of(file)
         self._step_s = file.time.step_s

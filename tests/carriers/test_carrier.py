@@ -10,6 +10,7 @@ import pytest
 from carriers.carrier import LIGHT_MPS, Carrier, Outgoing, Stamp
 from estimation.frames import Site, enu_from_geodetic, site_at
 from schemas import codec, keys
+from schemas.errors import ScenarioError
 from schemas.messages import Navigation, Ranging, SourceInfo, SourceReport
 from sim_world.scenario import Scenario, with_overrides
 from sim_world.scenario.declared import origin_of
@@ -279,7 +280,7 @@ def test_truth_of_different_steps_is_refused() -> None:
     targets, carriers = world.step(1)[0], world.step(2)[1]
     with pytest.raises(ValueError, match="targets 1, carriers 2"):
         list(teller.step(targets, carriers, Stamp("b1")))
-    with pytest.raises(ValueError, match="nobody"):
+    with pytest.raises(ScenarioError, match="no such carrier; got .nobody."):
         Carrier(made, "nobody")
 
 

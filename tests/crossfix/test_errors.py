@@ -177,8 +177,8 @@ def test_a_scenario_that_is_none(
         ("time.duration_s=0", ("time.duration_s",)),
         ("origin.latitude_deg=95", ("origin.latitude_deg",)),
         ("carriers.0.name='A b'", ("name",)),
-        ("fusion.gate=1", ("gate: no such setting", "expected such as association.gate")),
-        ("fusion.association.gate=-1", ("association.gate",)),
+        ("fusion.gate=1", ("gate: no such setting", "expected such as ")),
+        ("fusion.registration.method=1", ("registration.method",)),
         ("fusion.own='nobody'", ("own", "nobody", "levante")),
     ],
 )
@@ -299,6 +299,20 @@ def test_a_run_that_is_not_there(hub: str, refused: Callable[..., Outcome]) -> N
     assert "nobody" in refused("bridge", "status", "harbour", *line).err
     shown = refused("bridge", "jsonl", "empty", *line, "--start-timeout", "1")
     assert "expected a world that runs `nobodys` on the same hub" in shown.err
+
+
+@pytest.mark.live
+def test_a_carrier_that_the_scenario_does_not_have(hub: str) -> None:
+    joining = ["--connect", hub, "--run", "short-of-one"]
+    with (
+        started("world", STRAIT, *joining, "--start-timeout", "30"),
+        started("carrier", "nobody", *joining, "--start-timeout", "30") as carrier,
+    ):
+        _, told = carrier.communicate(timeout=60)
+        assert carrier.returncode == BAD_USE
+    assert told == (
+        "error: strait: no such carrier; got 'nobody'; expected one of levante, poniente, siroco\n"
+    )
 
 
 def test_nothing_heard_is_told(hub: str, crossfix: Crossfix) -> None:
