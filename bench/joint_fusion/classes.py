@@ -159,19 +159,22 @@ def repeats(seed: int, targets: int) -> tuple[float, float]:
 
 
 def count_honesty(seed: int, runs: int) -> tuple[float, float]:
-    """Of the number of objects by two sources' pairs: mean normalised error, and mean square."""
+    """Of the number of objects by two sources' pairs: mean normalised error, and mean square.
+
+    Some pairs are doubtful with any probability; so many of them are objects both sources saw, the
+    others are objects of which each saw one alone.
+    """
     rng = np.random.default_rng([seed, 7])
     seen, errors = (0.9, 0.8), []
     for _ in range(runs):
-        objects = int(rng.integers(80, 400))
+        objects = int(rng.integers(100, 400))
         first, second = (rng.random(objects) < share for share in seen)
-        doubtful = rng.random(objects) < 0.3
-        probability = np.where(doubtful, rng.uniform(0.0, 1.0, objects), 1.0)
-        one = rng.random(objects) < probability  # the pair is one object, else two
-        both = first & second
-        truth = objects + int(np.sum(both & ~one))
-        found = count_of_pairs(int(first.sum()), int(second.sum()), probability[both], seen)
-        errors.append((found.mean - truth) / found.sigma)
+        doubtful = rng.random(objects // 16)
+        true = int(np.sum(rng.random(len(doubtful)) < doubtful))
+        sure = int(np.sum(first & second)) - true
+        probability = np.concatenate([np.ones(sure), doubtful])
+        found = count_of_pairs(int(first.sum()), int(second.sum()), probability, seen)
+        errors.append((found.mean - objects) / found.sigma)
     return float(np.mean(errors)), float(np.mean(np.square(errors)))
 
 
