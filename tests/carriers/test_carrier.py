@@ -280,7 +280,7 @@ def test_truth_of_different_steps_is_refused() -> None:
     targets, carriers = world.step(1)[0], world.step(2)[1]
     with pytest.raises(ValueError, match="targets 1, carriers 2"):
         list(teller.step(targets, carriers, Stamp("b1")))
-    with pytest.raises(ScenarioError, match="no such carrier; got .nobody."):
+    with pytest.raises(ScenarioError, match="no such carrier"):
         Carrier(made, "nobody")
 
 
