@@ -23,6 +23,7 @@ _GATE_SIGMAS = 4.5  # of a misclosure: of right pairs 1 in 25 000 lies outside i
 _PASSES, _SETTLED = 20, 1e-3
 _STARTS = 48  # values of a large common error that are tried
 _LARGEST = 300.0  # of a log ratio, so that its exponential is finite
+_LEAST = 1e-12  # variance in any direction, by the total: two flat ellipses may be parallel
 _OCTAVE = 2.0  # sides of logs searched together have sigmas within such a factor
 
 
@@ -248,6 +249,8 @@ def _nothing(common: Array) -> Association:
 
 def _misclosures(own: Side, other: Side, i: Indices, j: Indices, size: int) -> Candidates:
     covariance = own.covariance[i] + other.covariance[j]
+    least = _LEAST * _traces(covariance)[:, None, None]
+    covariance = covariance + least * np.eye(own.place_m.shape[1])
     by_common = np.zeros((*covariance.shape[:2], size))
     if own.by_common is not None:
         by_common += own.by_common[i]

@@ -138,6 +138,16 @@ def test_without_pairs_the_common_error_keeps_its_prior() -> None:
         np.testing.assert_array_equal(found.common_covariance, common)
 
 
+def test_absurd_covariances_raise_nothing() -> None:
+    flat = np.array([[1.0, 0.0], [0.0, 0.0]])
+    absurd = np.stack([flat, 1e300 * np.eye(2), np.zeros((2, 2)), np.full((2, 2), np.nan)])
+    own = Side(np.zeros((4, 2)), absurd)
+    other = Side(np.zeros((5, 2)), np.concatenate([absurd, [np.eye(2)]]))
+    pairs, found = pairs_and_ratios(own, other, Population(1e-3, 1e-4, 1e-4))
+    assert (0, 0) in pairs
+    assert np.isfinite(found.log_ratio).all()
+
+
 def test_a_known_direction_of_the_common_error_is_allowed() -> None:
     rng = np.random.default_rng(7)
     own, other, of, _, shift, true = shifted(rng)
