@@ -20,7 +20,7 @@ from mcap.records import Channel, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from ..errors import RecordingError
-from .contents import END, RUN, RunEnd, to_metadata
+from .contents import END, RUN, RunEnd, RunHeader, from_metadata, to_metadata
 from .index import index_of
 from .records import (
     HEAD,
@@ -98,16 +98,17 @@ def recover(path: Path, target: Path | None = None) -> Recovery:
         target: must not exist; what is good behind a damaged chunk is kept in it too.
 
     Raises:
-        RecordingError: no recording of ours, not readable, not writable, or (in place) damaged
-            before its end, where cutting would lose what is good.
+        RecordingError: no recording of ours, of a newer format, not readable, not writable, or (in
+            place) damaged before its end, where cutting would lose what is good.
     """
     source = Source(path)
     try:
         found = _look_through(source)
-        names = _metadata_names(source, found)
-        if RUN not in names:
+        texts = _metadata(source, found)
+        if RUN not in texts:
             why = f"no metadata {RUN}"
             raise RecordingError("not a recording of crossfix", where=source.name, got=why)
+        from_metadata(RunHeader, texts[RUN], source.name)  # one of a newer format is left alone
         if target is None and found.is_bad_within:
             raise RecordingError(
                 "damaged before its end",
@@ -117,7 +118,7 @@ def recover(path: Path, target: Path | None = None) -> Recovery:
             )
         if target is None and not (found.end or found.bad or index_of(source).condition):
             return _untouched(source)
-        return _write(source, found, target or path, has_end=END in names)
+        return _write(source, found, target or path, has_end=END in texts)
     finally:
         source.close()
 
@@ -169,9 +170,10 @@ def _follows_a_chunk(found: _Found) -> bool:
     return is_chunk and not (found.bad and found.bad[-1].offset > found.whole[-1].frame.offset)
 
 
-def _metadata_names(source: Source, found: _Found) -> set[str]:
+def _metadata(source: Source, found: _Found) -> dict[str, dict[str, str]]:
     kept = (whole.frame for whole in found.whole if whole.frame.opcode == Opcode.METADATA)
-    return {parse(source, Metadata, frame).name for frame in kept}
+    records = (parse(source, Metadata, frame) for frame in kept)
+    return {record.name: record.metadata for record in records}
 
 
 def _untouched(source: Source) -> Recovery:
