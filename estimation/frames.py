@@ -208,8 +208,11 @@ def east_north_covariance(
 def rotation_clockwise(angle_rad: ArrayLike) -> Array:
     """Rotations (..., 2, 2) of east-north vectors by which a bearing grows by `angle_rad`."""
     angle = np.asarray(angle_rad, dtype=float)
-    sin, cos = np.sin(angle), np.cos(angle)
-    return np.stack([cos, sin, -sin, cos], axis=-1).reshape(*angle.shape, 2, 2)
+    turn = np.empty((*angle.shape, 2, 2))
+    turn[..., 0, 0] = turn[..., 1, 1] = np.cos(angle)
+    turn[..., 0, 1] = np.sin(angle)
+    turn[..., 1, 0] = -turn[..., 0, 1]
+    return turn
 
 
 def wrap_pi(angle_rad: ArrayLike) -> Array:

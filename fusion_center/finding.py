@@ -87,7 +87,12 @@ def _start(state: State, moment: Moment, name: str, found: search.Found) -> Star
         if kept.mean() >= MAJORITY:
             right = [pair for pair, stays in zip(found.pairs, kept, strict=True) if stays]
             start = _adjusted(moment, name, right)
-    estimate = replace(start.estimate, method="joint", mode_probability=found.probability)
+    estimate = replace(
+        start.estimate,
+        method="joint",
+        mode_probability=found.probability,
+        since_t_ns=moment.t_ns,
+    )
     return start._replace(estimate=estimate)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace as with_fields
+from functools import cache
 
 import numpy as np
 from msgspec.structs import replace
@@ -37,6 +38,7 @@ LEAST_USUAL = 2.0
 """Pairs at an event, on average, from which half of them can be missed."""
 FORGETTING = 0.1
 """Weight of the newest event in that average."""
+MOST_VALID_S = 1e6
 NO_PAIRS = Misclosure(0, 0.0, 0)
 
 
@@ -73,6 +75,7 @@ def _scanned(state: State, moment: Moment, names: Sequence[str], tally: Tally) -
     return state
 
 
+@cache
 def _limits(false_alarm: float) -> list[float]:
     """Chi2 by degrees of freedom beyond which a carrier is out of line."""
     from scipy.special import chdtri
@@ -122,8 +125,7 @@ def _watched(state: State, link: Link, name: str, scan: Scan) -> tuple[Link, boo
     def normal(seconds: float) -> Drift:
         return scans.drift(joint, row, state.settings.registration, seconds)
 
-    said = scan.update.said_of(scan.number, scan.misclosure.pairs)
-    watch, alarm = watching.after_scan(link.watch, scan.expected, said, stand, normal)
+    watch, alarm = watching.after_scan(link.watch, scan.expected, scan.said, stand, normal)
     return replace(link, watch=watch), alarm
 
 
@@ -157,9 +159,24 @@ def _estimate(
         frame, in_fixed_axes(frame, prior), prior, moment.between[name], misclosure, "joint"
     )
     known, link = state.frames, state.links[name]
-    terms = _terms(state, name, frames.joint(known), frames.row(known, name)) if known else ()
+    assert known is not None  # noqa: S101
+    joint, row = frames.joint(known), frames.row(known, name)
+    drift_mps, covariance = joint.drift_mps(row)
+    unsure_mps, unsure_m = np.sqrt([np.trace(covariance), np.trace(frame.covariance[:2, :2])])
+    axes = replace(
+        estimate.own_axes,
+        drift_east_mps=float(drift_mps[0]),
+        drift_north_mps=float(drift_mps[1]),
+    )
     return corrections.within_bounds(
-        replace(estimate, mode_probability=link.mode_probability, terms=terms)
+        replace(
+            estimate,
+            own_axes=axes,
+            mode_probability=link.mode_probability,
+            since_t_ns=link.found_t_ns,
+            valid_for_s=min(float(unsure_m / unsure_mps), MOST_VALID_S) if unsure_mps else 0.0,
+            terms=_terms(state, name, joint, row),
+        )
     )
 
 

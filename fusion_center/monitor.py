@@ -85,10 +85,11 @@ def _open_question(found: Estimate, remark: str) -> str:
     weakest = found.directions[0]
     if weakest.status == "determined":
         return ""
-    return "; ".join(part for part in (_sentence(weakest), remark) if part)
+    return "; ".join(part for part in (sentence(weakest), remark) if part)
 
 
-def _sentence(direction: Direction) -> str:
+def sentence(direction: Direction) -> str:
+    """How far a direction is determined, in words."""
     return f"{direction.name} is {direction.status}: {direction.ratio:.2g} of the prior sigma"
 
 

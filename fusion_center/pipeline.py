@@ -34,6 +34,7 @@ from schemas.messages import (
 from . import joint, memoryless, timeline
 from .intake import absorb, take_part
 from .links import status
+from .monitor import sentence
 from .orders import carry_out
 from .quality import Tally
 from .settings import Settings
@@ -180,11 +181,14 @@ def _correction(state: State, closed: Closed, carrier: str, seq: int) -> Correct
     return replace(
         blank,
         valid_t_ns=estimate.valid_t_ns,
+        since_t_ns=estimate.since_t_ns,
+        valid_for_s=estimate.valid_for_s,
         own_pose=estimate.own_pose,
         other_pose=estimate.other_pose,
         own_axes=estimate.own_axes,
         fixed_axes=estimate.fixed_axes,
         directions=list(estimate.directions),
+        weakest=sentence(estimate.directions[0]),
         pairs=estimate.pairs,
         chi2=estimate.chi2,
         dof=estimate.dof,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from estimation.consistency import nees
 from estimation.relative_frame import Drift, NetworkLogs, OwnAxesFrame
 from estimation.relative_frame.change_detection import SCAN_LIMIT, WINDOW, disagreement
+from estimation.relative_frame.information import OwnAxesInformation
 from estimation.relative_frame.joint import JointFrames, JointUpdate, improved_by
 from estimation.relative_frame.matrices import Indices
 
@@ -29,16 +30,14 @@ class Scan(NamedTuple):
         expected: the frame before; found: after, or `expected` where the plots were left out.
         misclosure: of the targets it was seen with.
         out_of_line: the plots contradict the frame as it was expected.
-        update: all that was said by everyone.
-        number: of the carrier there.
+        said: what the plots say of the frame, the others being as they were expected.
     """
 
     expected: OwnAxesFrame
     found: OwnAxesFrame
     misclosure: Misclosure
     out_of_line: bool
-    update: JointUpdate
-    number: int
+    said: OwnAxesInformation
 
 
 class Followed(NamedTuple):
@@ -77,7 +76,7 @@ def taken_in(
     better = after.joint if after.converged else joint
     return Followed(
         better,
-        [scan and scan._replace(found=better.frame(scan.number)) for scan in scans],
+        [scan and scan._replace(found=better.frame(k)) for k, scan in enumerate(scans, 1)],
         _per_target(update, targets),
     )
 
@@ -98,7 +97,7 @@ def _scan(
     said = update.said_of(k, int(used.size))
     out = chi2 > limits[min(dof, len(limits) - 1)] or disagreement(said, expected) > SCAN_LIMIT
     misclosure = Misclosure(int(used.size), chi2, dof)
-    return Scan(expected, after, misclosure, bool(out) or not update.converged, update, k)
+    return Scan(expected, after, misclosure, bool(out) or not update.converged, said)
 
 
 def drift(joint: JointFrames, number: int, settings: RegistrationSettings, scan_s: float) -> Drift:

@@ -136,6 +136,8 @@ class Estimate(Struct, frozen=True, kw_only=True):
     dof: int
     method: str = "closed_form"
     mode_probability: float = 1.0
+    since_t_ns: int = 0
+    valid_for_s: float = 0.0
     terms: tuple[SourceTerm, ...] = ()
 
 

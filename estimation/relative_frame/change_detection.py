@@ -135,7 +135,8 @@ def _window_chi2(before: OwnAxesFrame, scans: tuple[Scan, ...], drift: Drift) ->
 def _carried_back(said: OwnAxesInformation, scan: Scan, drift: Drift) -> OwnAxesInformation:
     """What is said of (q, D) at a scan, as information on (q, D) one scan earlier."""
     blur = np.eye(3) + said.matrix @ drift.covariance(scan.elapsed_s)
-    matrix, vector = solved(blur, said.matrix), solved(blur, said.vector[..., None])
+    both = solved(blur, np.concatenate([said.matrix, said.vector[..., None]], axis=-1))
+    matrix, vector = both[..., :3], both[..., 3:]
     other = np.asarray(scan.travel.other_m, dtype=float)
     turned = (rotation_clockwise(said.point[..., 2]) @ other[..., None])[..., 0]
     forward = np.zeros_like(said.matrix)

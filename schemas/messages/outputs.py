@@ -7,7 +7,18 @@ from typing import Annotated, Literal
 from msgspec import Meta, Struct
 
 from .inputs import Pose
-from .values import Angle, Count, Id, Metres, MetresPerSecond, Real, Share, Text, TimeNs, Triangle
+from .values import (
+    Angle,
+    Count,
+    Id,
+    Metres,
+    MetresPerSecond,
+    Real,
+    Share,
+    Text,
+    TimeNs,
+    Triangle,
+)
 
 CorrectionState = Literal["off", "observing", "candidate", "applied", "suspended"]
 LogId = Text
@@ -51,6 +62,7 @@ class OwnAxes(Struct, frozen=True, kw_only=True):
             difference of the norths at the two reported places (D = c2 - c1).
         covariance: of (east, north, rotation), 3 x 3.
         reported_east_m, reported_north_m: the same position before the correction.
+        drift_east_mps, drift_north_mps: how fast it moves beyond what both carriers reckon.
     """
 
     east_m: Metres
@@ -59,6 +71,8 @@ class OwnAxes(Struct, frozen=True, kw_only=True):
     covariance: Triangle
     reported_east_m: Metres
     reported_north_m: Metres
+    drift_east_mps: MetresPerSecond = 0.0
+    drift_north_mps: MetresPerSecond = 0.0
 
 
 class FixedAxes(Struct, frozen=True, kw_only=True):
@@ -95,9 +109,12 @@ class Correction(Output, frozen=True, kw_only=True, omit_defaults=True):
         reason: why it is in that state, in words.
         method: the estimator that made it.
         valid_t_ns: the instant the frame is estimated for.
+        since_t_ns: when it was found, to be followed from then on; 0 = it is made anew each time.
+        valid_for_s: after which the doubt of its drift is as large as that of its place; 0 = not
+            known.
         own_pose, other_pose: the reported poses it refers to.
         own_axes, fixed_axes: absent while nothing is known beyond the prior.
-        directions: from the weakest to the strongest.
+        directions: from the weakest to the strongest; weakest: the first of them as a sentence.
         pairs: associated pairs used; chi2 of their misclosures over `dof`.
         mode_probability: that the association behind it is the right one.
         terms: systematic errors of single sources.
@@ -109,11 +126,14 @@ class Correction(Output, frozen=True, kw_only=True, omit_defaults=True):
     reason: Text = ""
     method: Id = "closed_form"
     valid_t_ns: TimeNs = 0
+    since_t_ns: TimeNs = 0
+    valid_for_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
     own_pose: Pose | None = None
     other_pose: Pose | None = None
     own_axes: OwnAxes | None = None
     fixed_axes: FixedAxes | None = None
     directions: list[Direction] = []
+    weakest: Text = ""
     pairs: Count = 0
     chi2: Annotated[float, Meta(ge=0, le=1e18)] = 0.0
     dof: Count = 0
