@@ -126,7 +126,7 @@ def test_a_live_publisher_is_diagnosed(hub: str, crossfix: Crossfix, token: bool
     found = {finding["code"] for finding in json.loads(shown.out)["findings"]}
     # It is met midway, so its SourceInfo was not heard, and nobody answers for it.
     unanswered = {"backfill", "degrees"}
-    assert found - {"source_info", "latched"} == unanswered | (set() if token else {"token"})
+    assert found - {"source_unheard", "latched"} == unanswered | (set() if token else {"token"})
 
 
 @pytest.mark.live
