@@ -139,7 +139,9 @@ def _folded(
 def _spaced(snapshots: list[Snapshot[State]], every: int) -> tuple[Snapshot[State], ...]:
     """Those at least `every` events apart, the oldest and the newest in any case."""
     chosen = snapshots[:1]
-    chosen += [s for s in snapshots[1:-1] if s.events - chosen[-1].events >= every]
+    for snapshot in snapshots[1:-1]:
+        if snapshot.events - chosen[-1].events >= every:
+            chosen.append(snapshot)
     return (*chosen, snapshots[-1]) if len(snapshots) > 1 else tuple(chosen)
 
 

@@ -1,0 +1,182 @@
+"""The bank of two-model filters and its innovations, against the textbook one track at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from estimation.arrays import Array
+from estimation.tracking import imm
+from estimation.tracking.imm import Motion
+from estimation.tracking.innovations import Common, Innovations, corrected, innovations
+from tests.estimation.tracking.states import KINDS, SITE, plots_of, some_bank
+
+MOTION = Motion()
+
+
+def dense(parts: Array, track: int) -> list[Array]:
+    """Of one track, under each model."""
+    return [parts[..., model, track] for model in (0, 1)]
+
+
+def test_prediction_is_the_textbooks_one_track_at_a_time() -> None:
+    bank, dt = some_bank(np.random.default_rng(1), 5), 1.7
+    after = imm.predicted(bank, dt, MOTION)
+    f = np.eye(4) + dt * np.eye(4, k=2)
+    block = np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+    leave = 1 - np.exp([-dt / MOTION.quiet_s, -dt / MOTION.manoeuvring_s])
+    change = np.array([[1 - leave[0], leave[0]], [leave[1], 1 - leave[1]]])
+    for i in range(5):
+        x, p, mu = dense(bank.mean, i), dense(bank.covariance, i), bank.model[:, i]
+        for j, q in enumerate((MOTION.quiet, MOTION.manoeuvring)):
+            share = change[:, j] * mu
+            np.testing.assert_allclose(after.model[j, i], share.sum(), rtol=1e-12)
+            share = share / share.sum()
+            x0 = share[0] * x[0] + share[1] * x[1]
+            p0 = sum(
+                s * (c + np.outer(m - x0, m - x0)) for s, m, c in zip(share, x, p, strict=True)
+            )
+            np.testing.assert_allclose(after.mean[:, j, i], f @ x0, rtol=1e-9)
+            want = f @ p0 @ f.T + q * np.kron(block, np.eye(2))
+            np.testing.assert_allclose(after.covariance[:, :, j, i], want, rtol=1e-9, atol=1e-7)
+
+
+def test_two_short_steps_without_change_of_model_are_one_long() -> None:
+    """Models that hardly ever change: then prediction is a semigroup, to that rarity."""
+    steady = MOTION._replace(quiet_s=1e12, manoeuvring_s=1e12)
+    bank = some_bank(np.random.default_rng(2), 4)
+    once = imm.predicted(bank, 2.0, steady)
+    twice = imm.predicted(imm.predicted(bank, 0.7, steady), 1.3, steady)
+    np.testing.assert_allclose(once.mean, twice.mean, rtol=1e-8, atol=1e-6)
+    np.testing.assert_allclose(once.covariance, twice.covariance, rtol=1e-8, atol=1e-6)
+
+
+def test_a_bank_is_its_tracks_one_by_one() -> None:
+    bank = some_bank(np.random.default_rng(3), 6)
+    whole = imm.predicted(bank, 0.9, MOTION)
+    for i in range(6):
+        alone = imm.predicted(bank.take(np.array([i])), 0.9, MOTION)
+        for part, of_whole in zip(alone, whole.take(np.array([i])), strict=True):
+            np.testing.assert_array_equal(part, of_whole)
+
+
+def test_combined_has_the_moments_of_the_mixture() -> None:
+    rng = np.random.default_rng(4)
+    bank = some_bank(rng, 1)
+    draws = np.concatenate(
+        [
+            rng.multivariate_normal(m, c, round(400_000 * share))
+            for m, c, share in zip(
+                dense(bank.mean, 0), dense(bank.covariance, 0), bank.model[:, 0], strict=True
+            )
+        ]
+    )
+    mean, covariance = imm.combined(bank)
+    sigma = np.sqrt(np.diag(covariance[..., 0]))
+    assert (np.abs(draws.mean(axis=0) - mean[:, 0]) < 5 * sigma / np.sqrt(len(draws))).all()
+    np.testing.assert_allclose(
+        np.cov(draws.T) / np.outer(sigma, sigma),
+        covariance[..., 0] / np.outer(sigma, sigma),
+        atol=0.01,
+    )  # 4 sigmas
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_gradients_are_those_of_the_predicted_values(kind: str) -> None:
+    """Residual = measured less predicted, so it falls by gradient times displacement."""
+    rng = np.random.default_rng(5)
+    bank = some_bank(rng, 6)
+    plots, every = plots_of(kind, rng, bank.mean[:2, 0].T), np.arange(6)
+    rows = plots.rows(bank.mean, every)
+    for axis, small in enumerate((0.5, 0.5, 0.01, 0.01)):
+        moved = bank.mean.copy()
+        moved[axis] += small
+        back = bank.mean.copy()
+        back[axis] -= small
+        for row, up, down in zip(
+            rows, plots.rows(moved, every), plots.rows(back, every), strict=True
+        ):
+            slope = -(up.residual - down.residual) / (2 * small)
+            scale = np.abs(row.gradient).max()
+            np.testing.assert_allclose(row.gradient[axis], slope, atol=1e-6 * scale, rtol=1e-5)
+
+
+def joint(kind: str, common: Common | None) -> tuple[Innovations, list[tuple[Array, Array, float]]]:
+    """Our innovations, and mean, covariance and log density of the update in one piece."""
+    rng = np.random.default_rng(6)
+    bank = some_bank(rng, 4)
+    plots, every = plots_of(kind, rng, bank.mean[:2, 0].T), np.arange(4)
+    rows = plots.rows(bank.mean, every)
+    found = innovations(rows, bank.mean, bank.covariance, common)
+    want = []
+    for i in range(4):
+        for j in (0, 1):
+            h = np.array([row.gradient[:, j, i] for row in rows])
+            nu = np.array([row.residual[j, i] for row in rows])
+            noise = np.diag([row.variance[j, i] for row in rows])
+            if common is not None:
+                east, north = bank.mean[:2, j, i] - common.pivot_m
+                g = h[:, :2] @ np.array([[1.0, 0.0, north], [0.0, 1.0, -east]])
+                noise = noise + g @ common.covariance @ g.T
+            p = bank.covariance[:, :, j, i]
+            s = h @ p @ h.T + noise
+            gain = p @ h.T @ np.linalg.inv(s)
+            density = stats.multivariate_normal(cov=s, allow_singular=False).logpdf(nu)
+            reference = sum(float(np.broadcast_to(row.log_reference, 4)[i]) for row in rows)
+            want.append((gain @ nu, gain @ h @ p, float(density) + reference))
+    return found, want
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("with_common", [False, True])
+def test_scalar_by_scalar_is_the_update_in_one_piece(kind: str, with_common: bool) -> None:
+    root = np.array([[30.0, 0.0, 0.0], [5.0, 25.0, 0.0], [1e-3, -5e-4, 2e-3]])
+    common = Common(root @ root.T, SITE) if with_common else None
+    found, want = joint(kind, common)
+    shift, less = found.corrections()
+    for k, (mean, covariance, density) in enumerate(want):
+        i, j = divmod(k, 2)
+        np.testing.assert_allclose(shift[:, j, i], mean, rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(less[:, :, j, i], covariance, rtol=1e-7, atol=1e-7)
+        np.testing.assert_allclose(found.log_density[j, i], density, atol=1e-6)
+
+
+def test_an_absent_range_rate_changes_nothing() -> None:
+    rng = np.random.default_rng(7)
+    bank, every = some_bank(rng, 3), np.arange(3)
+    plots = plots_of("range rate", rng, bank.mean[:2, 0].T)
+    assert plots.range_rate is not None  # type: ignore[attr-defined]
+    absent = plots.range_rate._replace(value_mps=np.full(3, np.nan))  # type: ignore[attr-defined]
+    without = plots._replace(range_rate=None)  # type: ignore[attr-defined]
+    both = [
+        innovations(p.rows(bank.mean, every), bank.mean, bank.covariance)
+        for p in (plots._replace(range_rate=absent), without)  # type: ignore[attr-defined]
+    ]
+    np.testing.assert_allclose(both[0].log_density, both[1].log_density, atol=1e-12)
+    for one, other in zip(*(found.corrections() for found in both), strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+def test_correcting_never_widens_and_favours_the_model_that_foretold_the_plot() -> None:
+    bank = some_bank(np.random.default_rng(8), 5)
+    plots = plots_of("polar", np.random.default_rng(9), bank.mean[:2, 0].T)
+    found = innovations(plots.rows(bank.mean, np.arange(5)), bank.mean, bank.covariance)
+    after = corrected(bank, found)
+    less = np.moveaxis(bank.covariance - after.covariance, (0, 1), (-2, -1))
+    assert np.linalg.eigvalsh(less).min() > -1e-6
+    assert np.array_equal(
+        after.model[0] > bank.model[0], found.log_density[0] > found.log_density[1]
+    )
+
+
+def test_a_track_is_born_where_and_when_its_plot_is() -> None:
+    """A plot 2 s after the scan: carried forward by 2 s the track must have the plot's place."""
+    plots = plots_of("place", np.random.default_rng(10), np.array([[100.0, 200.0]]))
+    found = plots.found()
+    assert found is not None
+    still = MOTION._replace(quiet=0.0, manoeuvring=0.0)
+    bank = imm.born(found.place_m, found.covariance_m2, np.array([2.0]), still)
+    mean, covariance = imm.combined(imm.predicted(bank, 2.0, still))
+    np.testing.assert_allclose(mean[:2], found.place_m)
+    np.testing.assert_allclose(covariance[:2, :2], found.covariance_m2, rtol=1e-9)
