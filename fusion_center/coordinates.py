@@ -99,8 +99,8 @@ def _polar(
 ) -> Places:
     """Logs with bearing and range, and with elevation or at the given altitude."""
     n = len(report)
-    bearing, slant = _column(report.bearing_rad, n), _column(report.range_m, n)
-    elevation = _column(report.elevation_rad, n)
+    bearing, slant = column(report.bearing_rad, n), column(report.range_m, n)
+    elevation = column(report.elevation_rad, n)
     elevated = np.isfinite(elevation)
     level = np.where(elevated, slant * np.cos(elevation), np.nan)
     plain = np.isfinite(bearing + slant) & ~elevated
@@ -151,7 +151,7 @@ def _polar_covariance(
     """
     n = len(report)
     columns = (report.sigma_bearing_rad, report.sigma_range_m, report.sigma_elevation_rad)
-    stated = np.array([_column(column, n) for column in columns]).T
+    stated = np.array([column(sigmas, n) for sigmas in columns]).T
     stated[~elevated, 2] = 0.0
     whole = _matrices(report.covariance_polar, n, 3)
     has_whole, has_third = np.isfinite(whole[:, 0, 0]), np.isfinite(whole[:, 2, 2])
@@ -171,8 +171,8 @@ def _cartesian(
 ) -> Places:
     """Logs with east and north of the carrier, and perhaps up."""
     n = len(report)
-    east_north = np.array([_column(report.east_m, n), _column(report.north_m, n)]).T
-    altitude = _altitudes(observer.site, east_north, _column(report.up_m, n), altitude_m)
+    east_north = np.array([column(report.east_m, n), column(report.north_m, n)]).T
+    altitude = _altitudes(observer.site, east_north, column(report.up_m, n), altitude_m)
     covariance, defaulted = _position_covariance(report, properties)
     return Places(east_north, covariance, altitude, defaulted & np.isfinite(east_north[:, 0]))
 
@@ -182,8 +182,8 @@ def _geodetic(
 ) -> Places:
     """Logs with latitude and longitude, and perhaps altitude."""
     n = len(report)
-    latitude, longitude = _column(report.latitude_rad, n), _column(report.longitude_rad, n)
-    altitude = _column(report.altitude_m, n)
+    latitude, longitude = column(report.latitude_rad, n), column(report.longitude_rad, n)
+    altitude = column(report.altitude_m, n)
     altitude[np.isnan(altitude)] = altitude_m
     given = np.isfinite(latitude + longitude)
     east_north = np.full((n, 2), np.nan)
@@ -197,7 +197,7 @@ def _position_covariance(report: SourceReport, properties: SourceProperties) -> 
     """Covariance (n, 2, 2) of east and north; (n,) where the source's sigma served."""
     n = len(report)
     whole = _matrices(report.covariance_position, n, 3)[:, :2, :2]
-    stated = _column(report.sigma_position_m, n)
+    stated = column(report.sigma_position_m, n)
     sigma = np.where(np.isnan(stated), _numbers(properties.sigma_position_m), stated)
     has_whole = np.isfinite(whole[:, 0, 0])
     round_ones = np.square(sigma)[:, None, None] * np.eye(2)
@@ -214,7 +214,7 @@ def _altitudes(carrier: Site, east_north: Array, up: Array, altitude_m: float) -
     return altitude
 
 
-def _column(values: Sequence[float | None] | None, n: int) -> Array:
+def column(values: Sequence[float | None] | None, n: int) -> Array:
     """A column of a report as an array (n,), nan where it or a cell of it is absent."""
     return np.full(n, np.nan) if values is None else np.array(values, dtype=float)
 

@@ -29,9 +29,10 @@ from schemas.messages import (
     Input,
     Output,
     Quality,
+    Tracks,
 )
 
-from . import joint, memoryless, timeline
+from . import joint, memoryless, picture, timeline
 from .intake import absorb, take_part
 from .links import status
 from .monitor import sentence
@@ -100,13 +101,14 @@ def step(state: State, closed: Closed, messages: Sequence[Input | Event]) -> tup
     state = take_part(state, closed)
     tally = _not_fused(batch, closed)
 
-    # per-source tracks -> report events (frames: searched for, then followed together)
+    # per-source tracks -> report events (frames: searched for, then followed together) -> picture
     frames = _FRAMES[state.settings.registration.method]
     for instant in batch.instants:
         state = frames.before(state, instant, tally)
         for message in instant.messages:
             state = absorb(state, message, tally)
         state = frames.after(state, tally)
+        state = picture.with_reports(state, instant)
 
     # what is known at the closing
     return _published(state, closed, batch, tally)
@@ -125,6 +127,7 @@ def _not_fused(batch: Batch, closed: Closed) -> Tally:
 def _published(state: State, closed: Closed, batch: Batch, tally: Tally) -> tuple[State, Outputs]:
     """The outputs of a Closed, numbered by their keys."""
     correction, association, quality = keys.CORRECTION, keys.ASSOCIATION, keys.QUALITY
+    track = keys.TRACK
     centre, published = state.centre, dict(state.published)
 
     def number(topic: keys.Topic, *ids: str) -> int:
@@ -158,6 +161,14 @@ def _published(state: State, closed: Closed, batch: Batch, tally: Tally) -> tupl
         gave_up=batch.gave_up_count,
         messages=batch.fused,
     )
+    drawn = Tracks(
+        centre=centre,
+        seq=number(track, centre),
+        step=closed.step,
+        t_ns=closed.t_ns,
+        tracks=picture.tracks(state, closed.t_ns),
+    )
+    outputs.append(Published(track, (centre,), drawn))
     outputs.append(Published(association, (centre,), associated))
     outputs.append(Published(quality, (centre,), how_well))
     return replace(state, published=published), outputs

@@ -79,6 +79,34 @@ class TrackingSettings(Struct, frozen=True, kw_only=True):
     ] = 3
 
 
+class PictureSettings(Struct, frozen=True, kw_only=True):
+    """How the reports of all carriers are made one picture."""
+
+    enabled: Annotated[bool, Meta(description="whether there is a picture at all")] = True
+    half_width_m: Annotated[
+        float, _positive("of the square about the origin in which tracks may begin", 1e7)
+    ] = 200_000.0
+    gate: Annotated[
+        float, _positive("Mahalanobis distance squared beyond which a plot is of no track", 1e4)
+    ] = 20.0
+    quiet_m2ps3: Annotated[
+        float, _positive("spectral density of the acceleration of a target that goes straight", 1e6)
+    ] = 0.05
+    manoeuvring_m2ps3: Annotated[float, _positive("the same of a target that manoeuvres", 1e6)] = (
+        20.0
+    )
+    sigma_speed_mps: Annotated[float, _positive("per axis, of a target just found", 1e5)] = 50.0
+    lifetime_s: Annotated[
+        float, _positive("mean time from a target's appearing to its vanishing", 1e9)
+    ] = 3600.0
+    confirmed: Annotated[
+        float, Meta(gt=0, lt=1, description="existence from which a track is shown")
+    ] = 0.5
+    class_trust: Annotated[
+        float, Meta(gt=0, lt=1, description="share of the classes told that mean the target at all")
+    ] = 0.8
+
+
 class NavigationSettings(Struct, frozen=True, kw_only=True):
     """How carriers are carried on between and after their navigation messages."""
 
@@ -165,6 +193,7 @@ class Settings(Struct, frozen=True, kw_only=True):
     association: AssociationSettings = AssociationSettings()
     registration: RegistrationSettings = RegistrationSettings()
     monitor: MonitorSettings = MonitorSettings()
+    picture: PictureSettings = PictureSettings()
 
 
 class Description(NamedTuple):

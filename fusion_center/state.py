@@ -13,6 +13,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from estimation.tracking.tracker import Picture
 from schemas.messages import (
     DeclaredCarrier,
     DeclaredScenario,
@@ -246,6 +247,25 @@ class Orders(Struct, frozen=True, kw_only=True):
     forbidden: tuple[tuple[str, str], ...] = ()
 
 
+class Notes(Struct, frozen=True, kw_only=True):
+    """What a track of the picture rests on.
+
+    Attributes:
+        identity: kind/name of the target, once a log has told it.
+        logs: newest log of each carrier/source that contributes.
+    """
+
+    identity: str = ""
+    logs: dict[str, str] = {}
+
+
+class Drawn(Struct, frozen=True, kw_only=True, eq=False):
+    """The picture: what the tracker knows, and notes by track number; None before any plot."""
+
+    picture: Picture | None = None
+    notes: dict[str, Notes] = {}
+
+
 class State(Struct, frozen=True, kw_only=True):
     """The whole memory of the fusion.
 
@@ -266,6 +286,7 @@ class State(Struct, frozen=True, kw_only=True):
     links: dict[str, Link] = {}
     window: dict[str, int] = {}
     frames: Frames | None = None
+    picture: Drawn = Drawn()
     published: dict[str, int] = {}
 
     def declared(self, carrier: str) -> DeclaredCarrier | None:

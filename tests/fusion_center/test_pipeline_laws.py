@@ -176,6 +176,7 @@ def test_outputs_are_numbered_by_key_and_pass_the_wire() -> None:
         assert [o.topic.key("run", *o.ids) for o in out] == [
             "crossfix/@v1/run/correction/fusion/b",
             "crossfix/@v1/run/correction/fusion/c",
+            "crossfix/@v1/run/track/fusion",
             "crossfix/@v1/run/association/fusion",
             "crossfix/@v1/run/quality/fusion",
         ]

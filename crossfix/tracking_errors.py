@@ -1,0 +1,201 @@
+"""The picture against the truth in the same recording: GOSPA, errors and NEES of tracks, counts.
+
+Truth is put where the own carrier believes it to be: its reported pose and its own north are the
+gauge of the picture, and what they get wrong moves the whole of it.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right, insort
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.frames import (
+    Site,
+    geodetic_from_enu,
+    on_surface,
+    rotation_clockwise,
+    site_at,
+    target_from_source,
+)
+from estimation.metrics import gospa, identity_changes, matched, matched_nees
+from schemas.messages import (
+    DeclaredScenario,
+    Navigation,
+    Pose,
+    Tracks,
+    TruthCarriers,
+    TruthTargets,
+)
+
+from .evaluation import symmetric
+
+CUTOFF_M = 500.0
+"""GOSPA's c: a track further from all targets is false, a target further from all tracks missed."""
+
+Known = Tracks | TruthTargets | TruthCarriers | Navigation
+
+
+class PictureError(NamedTuple):
+    """The picture of one Closed against the truth.
+
+    Attributes:
+        gospa_m: p = 2, alpha = 2, c = `CUTOFF_M`.
+        missed, false, matched: objects.
+        error_m: root mean square of the matched tracks; nan without any.
+        nees: mean over matched tracks of their places, two degrees of freedom each.
+        pairs: number of a true target and id of the track that matches it.
+    """
+
+    step: int
+    t_ns: int
+    targets: int
+    tracks: int
+    gospa_m: float
+    missed: int
+    false: int
+    error_m: float
+    nees: float
+    pairs: tuple[tuple[int, str], ...]
+
+
+class PictureSummary(NamedTuple):
+    """Over the second half of a run, when the frames have converged; nan where nothing was."""
+
+    pictures: int
+    targets: float
+    tracks: float
+    gospa_m: float
+    missed: float
+    false: float
+    error_m: float
+    nees: float
+    identity_changes: int
+
+
+def picture_errors(
+    scenario: DeclaredScenario, own: str, messages: Iterable[Known]
+) -> list[PictureError]:
+    """Every picture that the truth of its step is known of, in order of arrival."""
+    origin = scenario.origin
+    frame = _Gauge(Site(origin.latitude_rad, origin.longitude_rad, origin.altitude_m), own)
+    return [error for message in messages for error in frame.errors(message)]
+
+
+def summarise_picture(errors: list[PictureError]) -> PictureSummary | None:
+    """The second half; None where there was no picture to judge."""
+    late = errors[len(errors) // 2 :]
+    if not late:
+        return None
+    pairs = [(n, target, track) for n, e in enumerate(late) for target, track in e.pairs]
+    steps, targets, tracks = zip(*pairs, strict=True) if pairs else ((), (), ())
+    names = {name: number for number, name in enumerate(sorted(set(tracks)))}
+    changes = identity_changes(
+        np.array(steps), np.array(targets), np.array([names[name] for name in tracks])
+    )
+    return PictureSummary(
+        pictures=len(late),
+        targets=float(np.mean([e.targets for e in late])),
+        tracks=float(np.mean([e.tracks for e in late])),
+        gospa_m=float(np.mean([e.gospa_m for e in late])),
+        missed=float(np.mean([e.missed for e in late])),
+        false=float(np.mean([e.false for e in late])),
+        error_m=float(np.sqrt(np.nanmean([e.error_m**2 for e in late]))) if pairs else float("nan"),
+        nees=float(np.nanmean([e.nees for e in late])) if pairs else float("nan"),
+        identity_changes=changes,
+    )
+
+
+class _Gauge:
+    """Remembers the truth and the own carrier's navigation as they pass by."""
+
+    def __init__(self, origin: Site, own: str) -> None:
+        self._origin, self._own = origin, own
+        self._targets: dict[int, TruthTargets] = {}
+        self._carriers: dict[int, TruthCarriers] = {}
+        self._steps: list[tuple[int, int]] = []
+        self._navigation: list[Navigation] = []
+
+    def errors(self, message: Known) -> Iterator[PictureError]:
+        """The error of a picture; nothing of anything else."""
+        match message:
+            case TruthTargets():
+                self._targets[message.step] = message
+                insort(self._steps, (message.t_ns, message.step))
+            case TruthCarriers():
+                self._carriers[message.step] = message
+            case Navigation() if message.carrier == self._own:
+                insort(self._navigation, message, key=_time)
+            case Tracks():
+                yield from self._judged(message)
+
+    def _judged(self, picture: Tracks) -> Iterator[PictureError]:
+        step = self._step_at(picture.t_ns)
+        navigation = self._reported_at(picture.t_ns)
+        if step not in self._targets or step not in self._carriers or navigation is None:
+            return
+        targets = self._targets[step]
+        passed_s = (picture.t_ns - targets.t_ns) * 1e-9
+        carriers = self._carriers[step]
+        if self._own not in carriers.carrier:
+            return
+        true = self._true_m(targets, carriers, navigation, passed_s)
+        yield _compared(picture, targets.number, true)
+
+    def _step_at(self, t_ns: int) -> int:
+        at = bisect_right(self._steps, (t_ns, 2**62)) - 1
+        return self._steps[at][1] if at >= 0 else -1
+
+    def _reported_at(self, t_ns: int) -> Pose | None:
+        """The own pose nearest to an instant: its clock may be a little off."""
+        after = bisect_right(self._navigation, t_ns, key=_time)
+        near = self._navigation[max(after - 1, 0) : after + 1]
+        return min(near, key=lambda m: abs(m.t_ns - t_ns)).pose if near else None
+
+    def _true_m(
+        self, targets: TruthTargets, carriers: TruthCarriers, reported: Pose, passed_s: float
+    ) -> np.ndarray:
+        """Places (n, 2) of the targets as own sensors would put them without noise."""
+        place = np.array(targets.position_m, dtype=float).reshape(-1, 3)
+        place = place + passed_s * np.array(targets.velocity_mps, dtype=float).reshape(-1, 3)
+        index = carriers.carrier.index(self._own)
+        here = np.array(carriers.position_m[index]) + passed_s * np.array(
+            carriers.velocity_mps[index]
+        )
+        own = site_at(self._origin, here)
+        seen = target_from_source(own, self._origin).apply(place)[:, :2]
+        seen = seen @ rotation_clockwise(-carriers.north_error_rad[index]).T
+        altitude = geodetic_from_enu(self._origin, place)[2]
+        believed = Site(reported.latitude_rad, reported.longitude_rad, reported.altitude_m)
+        enu = on_surface(believed, seen[:, 0], seen[:, 1], altitude)
+        return target_from_source(self._origin, believed).apply(enu)[:, :2]
+
+
+def _time(message: Navigation) -> int:
+    return message.t_ns
+
+
+def _compared(picture: Tracks, number: list[int], true: np.ndarray) -> PictureError:
+    found = np.array([track.position_m[:2] for track in picture.tracks], dtype=float).reshape(-1, 2)
+    score = gospa(true, found, CUTOFF_M)
+    pairs = matched(true, found, CUTOFF_M)
+    spread = np.array([symmetric(track.covariance)[:2, :2] for track in picture.tracks])
+    nees = matched_nees(true, found, spread.reshape(-1, 2, 2), pairs)
+    apart = true[pairs.truth] - found[pairs.estimate]
+    return PictureError(
+        step=picture.step,
+        t_ns=picture.t_ns,
+        targets=len(true),
+        tracks=len(found),
+        gospa_m=float(score.distance),
+        missed=len(true) - len(pairs.truth),
+        false=len(found) - len(pairs.truth),
+        error_m=float(np.sqrt(np.mean((apart**2).sum(axis=1)))) if len(apart) else float("nan"),
+        nees=float(np.mean(nees)) if len(apart) else float("nan"),
+        pairs=tuple(
+            (number[i], picture.tracks[j].id)
+            for i, j in zip(pairs.truth.tolist(), pairs.estimate.tolist(), strict=True)
+        ),
+    )

@@ -1,0 +1,106 @@
+"""One report as the picture takes it: plots, where they can come from, how well they are seen."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.arrays import Array
+from estimation.tracking.measurements import Measurement, bearings, places
+from estimation.tracking.measurements.polar import polar
+from estimation.tracking.scan import Scan, View
+from schemas.messages import SourceProperties, SourceReport
+
+from .coordinates import Observer, column
+from .coordinates import places as located
+from .navigation import NS, pose_at, site, way_m
+from .picture_axes import Placed
+from .picture_classes import CLASS, classes_of, evidence
+from .source_logs import instants_ns
+from .state import State
+
+LEAST_DETECTION, MOST_DETECTION = 0.05, 0.98
+MOST_REACH_M = 200_000.0
+
+
+class Plots(NamedTuple):
+    """A scan for the picture, and which log of the report each of its plots is (m,)."""
+
+    scan: Scan
+    log: NDArray[np.intp]
+
+
+def plots(state: State, report: SourceReport, axes: Placed) -> Plots | None:
+    """What the picture takes of a report; None where nothing in it can be placed."""
+    properties = state.sources(report.carrier).get(report.stream, SourceProperties())
+    if report.kind and any(kind and kind != "plot" for kind in report.kind):
+        return None
+    passive = properties.coordinates == "bearing"
+    measured, index = _lines(report, properties, axes) if passive else _places(state, report, axes)
+    if not len(index) and len(report):
+        return None
+    view = _view(properties, axes)
+    false = properties.clutter_per_scan + state.settings.tracking.clutter_per_scan
+    reach = min(view.range_max_m, MOST_REACH_M)
+    extent = view.width_rad if passive else view.width_rad / 2 * reach**2
+    detection = float(np.clip(properties.detection_probability, LEAST_DETECTION, MOST_DETECTION))
+    scan = Scan(report.t_ns, measured, view, detection, false / extent, axes.common())
+    classes, told = classes_of(state.scenario), properties.features.get(CLASS)
+    told_of = evidence(report, index, classes, told, state.settings.picture.class_trust)
+    return Plots(scan._replace(evidence=told_of), index)
+
+
+def _places(
+    state: State, report: SourceReport, axes: Placed
+) -> tuple[Measurement, NDArray[np.intp]]:
+    """Plots with places: by bearing and range where they were measured so."""
+    navigation = state.carriers[report.carrier].navigation
+    properties = state.sources(report.carrier).get(report.stream, SourceProperties())
+    moved = way_m(navigation, instants_ns(report)) - way_m(navigation, report.t_ns)
+    observer = Observer(site(pose_at(navigation, report.t_ns)), moved)
+    found = located(report, properties, observer, state.settings.logs.target_altitude_m)
+    index = np.flatnonzero(found.usable)
+    here = found.east_north_m[index] + moved[index]
+    place = axes.places_m(here, found.altitude_m[index])
+    covariance = axes.turned(found.covariance[index])
+    offset: Array = np.multiply(instants_ns(report)[index] - report.t_ns, NS)
+    jitter = np.nan_to_num(column(report.sigma_time_offset_s, len(report)))[index]
+    if report.bearing_rad is None or report.range_m is None:
+        return places(place, covariance, offset, jitter), index
+    return _by_bearing(axes.place_m(), place, covariance, (offset, jitter)), index
+
+
+def _by_bearing(
+    site_m: Array, place: Array, covariance: Array, late: tuple[Array, Array]
+) -> Measurement:
+    """The same as bearings and level ranges from where the carrier is in the picture."""
+    east, north = (place - site_m).T
+    far = np.maximum(np.hypot(east, north), 1.0)
+    along = np.stack([east, north], axis=1) / far[:, None]
+    across = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    sigma_range = np.sqrt(np.einsum("ni,nij,nj->n", along, covariance, along))
+    sigma_bearing = np.sqrt(np.einsum("ni,nij,nj->n", across, covariance, across)) / far
+    return polar(site_m, np.arctan2(east, north), far, sigma_bearing, sigma_range, *late)
+
+
+def _lines(
+    report: SourceReport, properties: SourceProperties, axes: Placed
+) -> tuple[Measurement, NDArray[np.intp]]:
+    """Bearings of a passive source."""
+    n = len(report)
+    bearing, sigma = column(report.bearing_rad, n), column(report.sigma_bearing_rad, n)
+    sigma = np.where(np.isnan(sigma), properties.sigma_bearing_rad or np.nan, sigma)
+    index = np.flatnonzero(np.isfinite(bearing + sigma))
+    offset = np.nan_to_num(column(report.time_offset_s, n))[index]
+    turned = bearing[index] + axes.turn_rad
+    return bearings(axes.place_m(), turned, sigma[index], offset), index
+
+
+def _view(properties: SourceProperties, axes: Placed) -> View:
+    """Where a source can see, in the picture."""
+    sector = properties.sector
+    start, width = (sector.start_rad, sector.width_rad) if sector else (0.0, 2 * np.pi)
+    reach = min(properties.range_max_m, MOST_REACH_M)
+    return View(axes.place_m(), properties.range_min_m, reach, start + axes.turn_rad, width)
