@@ -129,7 +129,7 @@ def test_ten_thousand_objects_are_no_cube() -> None:
 
     small, large = scene(1000), scene(10_000)
     ratio = time_ratio(lambda: gospa(*large, c=1000.0), lambda: gospa(*small, c=1000.0), repeats=3)
-    assert ratio < 300  # measured 45: the densest groups grow; a cube would be 1000
+    assert ratio < 200  # measured 10 to 21, on a busy machine; a cube would be 1000
 
 
 def run(rng, steps: int = 12, objects: int = 6):
