@@ -8,7 +8,7 @@ and after a fix still lie together.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from msgspec.structs import replace
@@ -51,9 +51,15 @@ def pose_at(navigation: Sequence[Navigation], t_ns: int) -> Pose:
     newest = navigation[-1]
     if t_ns == newest.t_ns:
         return newest.pose
-    east, north = way_m(navigation, t_ns) - _reckoned_m(newest)
-    there = site_at(site(newest.pose), [east, north, 0.0])
+    east, north = (way_m(navigation, t_ns) - _reckoned_m(newest)).tolist()
+    there = _moved(site(newest.pose), east, north)
     return replace(newest.pose, latitude_rad=there.latitude_rad, longitude_rad=there.longitude_rad)
+
+
+@lru_cache(maxsize=64)
+def _moved(start: Site, east_m: float, north_m: float) -> Site:
+    """A place this far east and north; asked again and again for the reports of one instant."""
+    return site_at(start, [east_m, north_m, 0.0])
 
 
 def carried_sigma_m(navigation: Sequence[Navigation], t_ns: int, sigma_speed_mps: float) -> float:
