@@ -87,13 +87,11 @@ class Association(NamedTuple):
     status: str
 
 
-class _Common(NamedTuple):
-    """What all candidates say of the common error: information, and each one's part of it."""
+class _Parts(NamedTuple):
+    """What each candidate says of the common error: G' S^-1 w (K, c) and G' S^-1 G (K, c, c)."""
 
-    vector: Array  # (c,) and (c, c), of all pairs by their weight
+    vector: Array
     matrix: Array
-    part_vector: Array  # (K, c) and (K, c, c) of each pair at full weight
-    part_matrix: Array
 
 
 def population(own: int, other: int, extent: float, seen_by_both: float) -> Population:
@@ -150,24 +148,26 @@ def associate(pairs: Candidates, common: Array, of: Population, features: Array)
     prior = features + _log_prior(of)
     ratio = prior + _first(pairs, common, prior)
     probability = pair_probabilities(pairs.own, pairs.other, ratio)
+    parts = _parts(pairs)
     for _ in range(_PASSES):
-        ratio = prior + _predictive(pairs, common, probability)
+        ratio = prior + _predictive(pairs, parts, common, probability)
         before, probability = probability, pair_probabilities(pairs.own, pairs.other, ratio)
         if np.abs(probability - before).max() < _SETTLED:
             break
-    return _decided(pairs, common, ratio, probability)
+    return _decided(pairs, parts, common, ratio, probability)
 
 
-def _decided(pairs: Candidates, common: Array, ratio: Array, probability: Array) -> Association:
+def _decided(
+    pairs: Candidates, parts: _Parts, common: Array, ratio: Array, probability: Array
+) -> Association:
     chosen = assignment(pairs.own, pairs.other, ratio)
-    shown = _shown(pairs, probability)
-    covariance = _posterior(common, shown.matrix)
+    covariance = _posterior(common, np.tensordot(probability, parts.matrix, 1))
     return Association(
         own=pairs.own[chosen],
         other=pairs.other[chosen],
         log_ratio=ratio[chosen],
         probability=probability[chosen],
-        common=covariance @ shown.vector,
+        common=covariance @ (probability @ parts.vector),
         common_covariance=covariance,
         candidates=len(ratio),
         status="paired" if chosen.size else "no pair is likelier one target than two",
@@ -212,12 +212,9 @@ def _traces(matrices: Array) -> Array:
     return np.asarray(np.trace(matrices, axis1=-2, axis2=-1), dtype=float)
 
 
-def _shown(pairs: Candidates, probability: Array) -> _Common:
-    """Information on the common error: of each pair, and of all by their probability."""
+def _parts(pairs: Candidates) -> _Parts:
     gained = transposed(solved(pairs.covariance, pairs.by_common))
-    vectors, matrices = times(gained, pairs.misclosure_m), gained @ pairs.by_common
-    total = np.tensordot(probability, matrices, 1)
-    return _Common(probability @ vectors, total, vectors, matrices)
+    return _Parts(times(gained, pairs.misclosure_m), gained @ pairs.by_common)
 
 
 def _posterior(common: Array, matrix: Array) -> Array:
@@ -226,11 +223,12 @@ def _posterior(common: Array, matrix: Array) -> Array:
     return (after + transposed(after)) / 2
 
 
-def _predictive(pairs: Candidates, common: Array, probability: Array) -> Array:
+def _predictive(pairs: Candidates, parts: _Parts, common: Array, probability: Array) -> Array:
     """Log density of each misclosure given what all other pairs say of the common error."""
-    shown, own = _shown(pairs, probability), probability[:, None]
-    spread = _posterior(common, shown.matrix - own[..., None] * shown.part_matrix)
-    mean = times(spread, shown.vector - own * shown.part_vector)
+    share = probability[:, None]
+    others = np.tensordot(probability, parts.matrix, 1) - share[..., None] * parts.matrix
+    spread = _posterior(common, others)
+    mean = times(spread, probability @ parts.vector - share * parts.vector)
     left = pairs.misclosure_m - times(pairs.by_common, mean)
     return _log_density(left, _whole(pairs, spread))
 
