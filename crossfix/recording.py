@@ -39,6 +39,7 @@ def carry_out(run: str, options: RecordOptions) -> int:
         alone = record_whatever(member, path, how, options.wait)
         alone.recorder.paused = options.start_paused
         on_signal(lambda: alone.stop("interrupted"))
+        alone.start()
         console.print(f"recording: {', '.join(map(str, alone.recorder.files()))}")
         reason = alone.run(options.duration or float("inf"))
         console.print(told(alone, reason))

@@ -78,17 +78,20 @@ class RecorderAlone:
         self._stop = reason
         self._tokens.wake()
 
-    def run(self, duration_s: float = float("inf")) -> str:
-        """Record until the end; the reason for it.
+    def start(self) -> None:
+        """Listen: whatever is published from here on is recorded.
 
         Raises:
-            BusError: somebody of this name is alive in the run.
+            BusError: somebody of this name records the run already.
         """
         self._require_alone()
         self._member.buses.control.watch(keys.every_alive(self._member.run), self._tokens)
+        self.recorder.start(*self._latched)
+
+    def run(self, duration_s: float = float("inf")) -> str:
+        """Record until the end; the reason for it."""
         deadline_s = time.monotonic() + duration_s
         with self.recorder:
-            self.recorder.start(*self._latched)
             while not self._stop:
                 self._follow(self._tokens.take(PUMP_S))
                 self._member.beat(self.recorder.step, self.phase, **self.recorder.counters())

@@ -51,6 +51,7 @@ class Alone:
 
     def _run(self) -> None:
         try:
+            self.alone.start()
             self.reason = self.alone.run()
         except Exception as error:
             self.errors.append(error)
