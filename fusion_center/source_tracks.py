@@ -38,6 +38,8 @@ from .state import SourceLogs
 
 NAMELESS = "#"
 """Keys of tracks of nameless plots begin so; no source can give such a key."""
+GROSS = 30.0
+"""Chi2 of 2 dof beyond which a plot is no measurement of its track."""
 LEAST_REACH_M = 1000.0
 DETECTION = (0.1, 0.95)
 """No source misses or sees a target always, whatever it declares."""
@@ -129,6 +131,9 @@ def filtered(
 ) -> Filters:
     """The filters of k logs with these plots taken in.
 
+    A plot under a name that lies far from where its track expects it is a gross error, and left
+    out; when the next one does as well the track begins anew.
+
     Args:
         previous: (k,) row of each log's target in `logs`, -1 where there is none to go on from.
     """
@@ -151,23 +156,23 @@ def filtered(
     expected = carried(before, elapsed, now.process_noise)
     after = improved(expected, mine.place_m, mine.covariance)
     after = _where(mine.is_track, _as_told(after, mine), after)
-    sane = np.asarray(np.isfinite(after.covariance).all(axis=(1, 2)))
-    after = _where(sane, after, fresh.take(old))
+    before_hits, surprise = logs.hits[rows], _surprise(expected, mine)
+    astray = surprise.distance2 > GROSS  # nameless plots are within their gate
+    after = _where(astray & (before_hits > 1), expected, after)
+    restart = astray & (before_hits == 1) | ~np.isfinite(after.covariance).all(axis=(1, 2))
+    after = _where(restart, fresh.take(old), after)
     fresh.state[old], fresh.covariance[old] = after.state, after.covariance
-    hits[old] = logs.hits[rows] + 1
-    existence[old] = np.where(
-        nameless[old], _seen(logs.existence[rows], expected, mine, now), existence[old]
-    )
+    hits[old] = np.where(astray, 1, before_hits + 1)
+    odds = seen(logs.existence[rows], log_ratio(surprise, now), now.detection)
+    likely = np.nan_to_num(odds, nan=SUREST)
+    existence[old] = np.where(nameless[old], likely, existence[old])
     return Filters(fresh.state, fresh.covariance, existence, hits)
 
 
-def _seen(existence: Array, expected: Bank, plots: Plots, now: Sensing) -> Array:
-    """Existence after the plots, as surprising as they were."""
+def _surprise(expected: Bank, plots: Plots) -> Innovations:
+    """How far each plot lies from where its own track expects it."""
     spread = expected.covariance[:, :2, :2] + plots.covariance
-    apart = plots.place_m - expected.state[:, :2]
-    found = Innovations(*normalised(apart, spread))
-    after = seen(existence, log_ratio(found, now), now.detection)
-    return np.nan_to_num(after, nan=SUREST)
+    return Innovations(*normalised(plots.place_m - expected.state[:, :2], spread))
 
 
 def _as_told(bank: Bank, plots: Plots) -> Bank:

@@ -145,6 +145,18 @@ def test_plots_without_a_name_are_followed_as_tracks_of_the_source() -> None:
     np.testing.assert_allclose(logs.state[first, 2:], [5.0, 0.0], atol=1.0)
 
 
+def test_a_gross_error_under_a_name_does_not_bend_its_track_but_two_begin_it_anew() -> None:
+    logs = NO_LOGS
+    for t in range(5):
+        logs, _ = take(logs, float(t), [[5.0 * t, 0.0]])
+    wild, _ = take(logs, 5.0, [[25.0, 700.0]])
+    np.testing.assert_allclose(wild.state[0, :2], [25.0, 0.0], atol=10.0)
+    back, _ = take(wild, 6.0, [[30.0, 0.0]])
+    np.testing.assert_allclose(back.state[0], [30.0, 0.0, 5.0, 0.0], atol=6.0)
+    moved, _ = take(wild, 6.0, [[30.0, 700.0]])
+    np.testing.assert_allclose(moved.state[0, :2], [30.0, 700.0])
+
+
 def test_a_look_elsewhere_says_nothing_of_a_nameless_target() -> None:
     logs, _ = take(NO_LOGS, 0.0, [[0.0, 1000.0], [1000.0, 0.0]], track_id=[None, None])
     east = Sector(start_rad=1.0, width_rad=1.0)
