@@ -45,7 +45,7 @@ PRINTED = {  # range and speed, N-bearings and N-polynomials [%]
 
 
 class Errors(NamedTuple):
-    """Median absolute errors [%] of range and speed at the last bearing, and the mean of the first."""
+    """Median absolute errors [%] at the last bearing, and the mean error of the range."""
 
     range: float
     speed: float

@@ -122,7 +122,7 @@ def figures(seed: int, runs: int) -> Iterator[Figure]:
     for name in BENCHMARKS:
         for limit in (10, 60):
             for kind in KINDS:
-                scene, found = cell(seed, runs, name, kind, limit)
+                _, found = cell(seed, runs, name, kind, limit)
                 ratio = found.percentile(50) / found.median_bound
                 yield at_most(f"{name} {limit}' {NAMES[kind]}: median / (.6745 bound)", ratio, 1.4)
     for kind in ENSEMBLE:

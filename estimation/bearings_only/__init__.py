@@ -27,7 +27,6 @@ from estimation.bearings_only.seeds import (
     n_bearings,
     n_polynomials,
 )
-
 from estimation.bearings_only.several_carriers import FramePrior, JointSolution, jointly
 from estimation.bearings_only.solution import (
     Candidate,

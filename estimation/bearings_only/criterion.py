@@ -58,7 +58,7 @@ class Criterion(NamedTuple):
         return general_normal(self.scene, self.motion, p, self.loss)
 
     def admissible(self, p: Array) -> Array:
-        """p of unit length, its shape within bounds."""
+        """Parameters of unit length, its shape within bounds."""
         first = self.motion.scale_row + 1
         length = np.sqrt(np.einsum("mb,mb->b", p[:first], p[:first])) + 1e-300
         inside = [

@@ -13,6 +13,7 @@ from estimation.bearings_only.measurements import ComplexArray, Scene
 from estimation.bearings_only.motions import Motion
 from estimation.bearings_only.normal_equations import directions, unpacked
 
+_QUIET = np.errstate(all="ignore")  # what is not determined may well overflow
 _TICK = 1e-4  # half spans, of the differences that make velocities out of places
 
 
@@ -76,6 +77,7 @@ class Estimate(NamedTuple):
     converged: NDArray[np.bool_]
 
     @property
+    @_QUIET
     def covariance(self) -> Array:
         """(M, M, B) of p; what nothing tells is very large."""
         p = self.p.copy()
@@ -85,14 +87,22 @@ class Estimate(NamedTuple):
 
     def take(self, columns: NDArray[np.int_]) -> Estimate:
         """Some of the targets."""
-        kept = (part[..., columns] for part in self[2:])
-        return Estimate(self.scene.take(columns), self.motion, *kept)
+        return Estimate(
+            self.scene.take(columns),
+            self.motion,
+            self.p[:, columns],
+            self.information[..., columns],
+            self.chi2[columns],
+            self.converged[columns],
+        )
 
+    @_QUIET
     def inverse_range(self) -> InverseRange:
         """1 / range at the last bearing, (B,) each."""
         value, by = self._inverse_range()
         return InverseRange(value, np.sqrt(_quadratic(by, self.covariance)))
 
+    @_QUIET
     def line_of_sight(self) -> LineOfSight:
         """Bearing, its rate and range rate by range at the last bearing, (B, ...) each."""
         own = self.own_velocity()
@@ -120,7 +130,7 @@ class Estimate(NamedTuple):
         return np.where(since > 0, moved / np.where(since > 0, since, 1.0), 0.0)
 
     def _relative(self, later: float, observer: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """d (B,) and its derivatives (M, B), somewhat later than the last bearing."""
+        """Direction d (B,) and its derivatives (M, B), somewhat later than the last bearing."""
         scene = self.scene._replace(time=self.scene.time[-1:] + later, observer=observer[None])
         d, by = directions(scene, self.motion, self.p)
         return d[0], by[:, 0]
@@ -145,6 +155,7 @@ class Estimate(NamedTuple):
         f, slopes = self.motion.basis(everyone, shape)
         return f[:, 0], slopes[:, 0]
 
+    @_QUIET
     def state(self, t_s: ArrayLike) -> State:
         """Places and velocities at a time (a number or (B,)), (B, ...) each.
 
@@ -175,7 +186,7 @@ class Estimate(NamedTuple):
 
 
 def _quadratic(by: Array, covariance: Array) -> Array:
-    """by' P by for each target, never negative."""
+    """Variance by' P by for each target, never negative."""
     found: Array = np.maximum(np.einsum("mb,mnb,nb->b", by, covariance, by), 0.0)
     return found
 

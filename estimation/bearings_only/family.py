@@ -18,7 +18,6 @@ from estimation.bearings_only.normal_equations import Loss, products, residuals
 from estimation.bearings_only.prior import MotionPrior, flat_information, prior_rows
 from estimation.bearings_only.robust import kept, screened
 
-
 _SECOND_ANGLES = (-1.6, -0.9, -0.4, 0.4, 0.9, 1.6)
 _SECOND_MIDDLES = (-0.8, -0.55, -0.3, -0.05, 0.2, 0.45, 0.7)
 _SECOND_LOG_DURATION = -1.9  # of half spans
@@ -75,8 +74,8 @@ def hypothesis(problem: Criterion, grid: Array, clean: Scene, search: Search = B
     Source: D. MacKay, Information Theory, Inference and Learning Algorithms, chapter 28.
     """
     end = lowest(problem, begun(problem, grid, clean), search)
-    assert problem.prior is not None
-    rows = prior_rows(problem.scene, problem.motion, problem.prior, end.p)
+    prior = problem.prior or MotionPrior()
+    rows = prior_rows(problem.scene, problem.motion, prior, end.p)
     volume = products(rows.residual, rows.jacobian)[1]
     volume += flat_information(problem.scene, problem.motion, end.p)
     of_bearings = problem.of_bearings(end.p)
@@ -98,7 +97,7 @@ def hypothesis(problem: Criterion, grid: Array, clean: Scene, search: Search = B
     )
     effective = np.einsum("ijb,jib->b", estimate.covariance, of_bearings.matrix)
     ok = np.isfinite(log_evidence)
-    dof = np.maximum(counted - effective, 1e-3)
+    dof = np.maximum(counted - np.nan_to_num(effective), 1e-3)
     return Hypothesis(estimate, np.where(ok, log_evidence, -np.inf), dof, unaided)
 
 

@@ -119,7 +119,8 @@ def _before(problem: Criterion, p: Array) -> Array:
     shapes = p.shape[1] // problem.scene.targets
     scene = problem.scene.take(np.tile(np.arange(problem.scene.targets), shapes))
     rows = prior_rows(scene, problem.motion, problem.prior, p).residual
-    return np.einsum("rc,rc->c", rows, rows)
+    squared: Array = np.einsum("rc,rc->c", rows, rows)
+    return squared
 
 
 def lowest(problem: Criterion, starts: Array, search: Search = BRISK) -> Minimum:

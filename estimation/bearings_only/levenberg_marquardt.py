@@ -24,7 +24,7 @@ class Problem(Protocol):
         """Cost, half gradient and J'J at p (M, B)."""
 
     def admissible(self, p: Array) -> Array:
-        """p of unit length, its shape within bounds."""
+        """Parameters of unit length, its shape within bounds."""
 
     def gauge(self, p: Array) -> Array:
         """Directions (M, B) along which nothing changes."""

@@ -30,7 +30,7 @@ def cholesky(matrix: Array) -> Array:
 
 
 def solved(factor: Array, right: Array) -> Array:
-    """x of L L' x = right, both (M, B)."""
+    """Solutions x of L L' x = right, both (M, B)."""
     x = right.copy()
     for k in range(len(x)):
         x[k] /= factor[k, k]

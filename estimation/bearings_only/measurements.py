@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeAlias
+from math import prod
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 from estimation.arrays import Array, ArrayLike
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
+
+_Kind = TypeVar("_Kind", np.float64, np.complex128)
 
 _SMALLEST_SIGMA_RAD = 1e-7  # a bearing better than 0.02 arc seconds is a mistake of its sender
 
@@ -92,12 +95,12 @@ class Scene(NamedTuple):
     @property
     def targets(self) -> int:
         """B."""
-        return self.toward.shape[1]
+        return int(self.toward.shape[1])
 
     @property
     def shared(self) -> bool:
         """Whether all targets are seen at the same times from the same places."""
-        return self.time.shape[1] == 1 and self.observer.shape[1] == 1
+        return bool(self.time.shape[1] == 1 and self.observer.shape[1] == 1)
 
     @property
     def seen(self) -> NDArray[np.int_]:
@@ -107,21 +110,27 @@ class Scene(NamedTuple):
 
     def take(self, columns: NDArray[np.int_]) -> Scene:
         """Some of the targets."""
-        taken = Scene(*(_columns(field, columns) for field in self))
-        return taken._replace(toward=self.toward[:, columns], weight=self.weight[:, columns])
+        return Scene(
+            _shared(self.time, columns),
+            _shared(self.observer, columns),
+            self.toward[:, columns],
+            self.weight[:, columns],
+            _shared(self.middle_s, columns),
+            _shared(self.half_span_s, columns),
+            _shared(self.length_m, columns),
+            _shared(self.centre_m, columns),
+        )
 
 
 def scene_of(given: Bearings) -> Scene:
     """The scene of bearings, batch flattened. Nothing in it is infinite or NaN."""
+    given = padded(given)
     time = _last(given.t_s)
     place = _last(given.observer_m[..., 0]) + 1j * _last(given.observer_m[..., 1])
     everyone = (*given.batch, given.bearing_rad.shape[-1])
     bearing, sigma = (
         _last(np.broadcast_to(field, everyone)) for field in (given.bearing_rad, given.sigma_rad)
     )
-    if time.shape[0] == 0:  # no bearing is one that was not seen
-        time, place = np.zeros((1, 1)), np.zeros((1, 1), dtype=complex)
-        bearing = sigma = np.full((1, bearing.shape[1]), np.nan)
     known = np.isfinite(time) & np.isfinite(place)
     time, place = np.where(known, time, 0.0), np.where(known, place, 0.0)
     middle = (time.max(axis=0) + time.min(axis=0)) / 2
@@ -145,11 +154,19 @@ def scene_of(given: Bearings) -> Scene:
     )
 
 
+def padded(given: Bearings) -> Bearings:
+    """No bearing at all is one that was not seen."""
+    if given.bearing_rad.shape[-1]:
+        return given
+    none = np.full((*given.batch, 1), np.nan)
+    return Bearings(np.zeros(1), np.zeros((1, 2)), none, none)
+
+
 def _last(values: Array) -> Array:
     """(..., N) as (N, B)."""
-    return np.ascontiguousarray(values.reshape(-1, values.shape[-1]).T)
+    return np.ascontiguousarray(values.reshape(prod(values.shape[:-1]), values.shape[-1]).T)
 
 
-def _columns(field: NDArray[np.generic], columns: NDArray[np.int_]) -> NDArray[np.generic]:
-    """Of a field that all targets may share."""
+def _shared(field: NDArray[_Kind], columns: NDArray[np.int_]) -> NDArray[_Kind]:
+    """Columns of a field that all targets may share."""
     return field if field.shape[-1] == 1 else field[..., columns]

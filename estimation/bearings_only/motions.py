@@ -104,7 +104,7 @@ def legs_path(time: Array, shape: Array) -> tuple[ComplexArray, ComplexArray]:
 
 
 def _one_turn(time: Array, shape: Array) -> tuple[ComplexArray, ComplexArray]:
-    """f = t before the turn, a circular arc, then a straight line; shape (3, B).
+    """Path f = t before the turn, a circular arc, then a straight line; shape (3, B).
 
     With g = f - middle and x = t - middle, a later turn shifts g (derivative 1 - f'), a longer
     one scales it about the middle (g - x f').

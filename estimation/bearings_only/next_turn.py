@@ -56,11 +56,13 @@ def best_turn(
     if found.velocities is None or found.line is None or len(given.t_s) < 2:
         return None
     ranges = np.atleast_1d(np.asarray(_possible(found) if ranges_m is None else ranges_m, float))
+    bearing = float(found.line.bearing_rad)
+    toward = np.array([np.sin(bearing), np.cos(bearing)])
     courses = 2 * np.pi * np.arange(_COURSES) / _COURSES
     with np.errstate(all="ignore"):
         each = [
-            _bound(_planned(given, course, speed_mps, duration_s), found.velocities, found, ranges)
-            for course in courses
+            _bound(plan, found.last_s, toward, found.velocities, ranges)
+            for plan in (_planned(given, course, speed_mps, duration_s) for course in courses)
         ]
     expected = np.exp(np.mean(np.log(each), axis=1))
     return Turn(float(courses[np.argmin(expected)]), expected, courses)
@@ -89,15 +91,14 @@ def _planned(given: Bearings, course: float, speed: float, duration: float) -> B
     )
 
 
-def _bound(plan: Bearings, family: VelocityFamily, found: Solution, ranges: Array) -> Array:
+def _bound(
+    plan: Bearings, now_s: float, toward: Array, family: VelocityFamily, ranges: Array
+) -> Array:
     """sd(range) / range at the end of a plan, for every range at the last bearing so far."""
-    assert found.line is not None
-    now = int(np.searchsorted(plan.t_s, found.last_s, side="right")) - 1
-    bearing = float(found.line.bearing_rad)
-    toward = np.array([np.sin(bearing), np.cos(bearing)])
+    now = int(np.searchsorted(plan.t_s, now_s, side="right")) - 1
     middle = (plan.t_s[0] + plan.t_s[-1]) / 2
     velocity = family.own_mps + ranges[:, None] * family.by_range
-    place = plan.observer_m[now] + ranges[:, None] * toward + velocity * (middle - found.last_s)
+    place = plan.observer_m[now] + ranges[:, None] * toward + velocity * (middle - now_s)
     coefficients = np.stack([place @ [1, 1j], velocity @ [1, 1j]])
     bound = cramer_rao(plan, CONSTANT_VELOCITY, coefficients).inverse_range()
     relative: Array = np.minimum(np.nan_to_num(bound.sigma / np.abs(bound.value), nan=1e3), 1e3)

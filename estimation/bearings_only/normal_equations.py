@@ -133,7 +133,7 @@ def residuals(scene: Scene, motion: Motion, p: Array) -> tuple[Array, Array]:
 
 
 def directions(scene: Scene, motion: Motion, p: Array) -> tuple[ComplexArray, ComplexArray]:
-    """d (N, B) and its derivatives (M, N, B) by the parameters."""
+    """Directions d (N, B) and its derivatives (M, N, B) by the parameters."""
     c, s, shape = unpacked(motion, p)
     f, slopes = motion.basis(scene.time, shape)
     size = len(f)

@@ -58,7 +58,8 @@ def _subsets(count: int) -> Array:
     """Masks (N, S): each an evenly scattered part of the bearings."""
     i, k = np.arange(count)[:, None] + 0.5, np.arange(_SUBSETS) + 1.0
     scattered = np.modf(i * np.modf(_GOLDEN * k)[0] + k * _GOLDEN**2)[0]
-    return (scattered < _SHARE).astype(float)
+    masks: Array = (scattered < _SHARE).astype(float)
+    return masks
 
 
 def kept(residual: Array, weight: Array) -> tuple[Array, Array]:

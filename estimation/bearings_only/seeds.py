@@ -53,7 +53,7 @@ class SeedTrack(NamedTuple):
 
     @property
     def _degree(self) -> int:
-        return self.coefficients.shape[-2] - 1
+        return int(self.coefficients.shape[-2]) - 1
 
 
 def chebyshev_first(tau: Array, degree: int) -> Array:
@@ -90,16 +90,20 @@ def n_polynomials(given: Bearings, degree: int, basis: Basis = chebyshev_first) 
 
 
 def n_bearings(given: Bearings) -> SeedTrack:
-    """The paper's rival: constant velocity from a point of the first bearing.
+    """The paper's rival: constant velocity from a point of the first bearing that was seen.
 
     Unknowns are the first range D0 and the velocity; the target is exactly on the first bearing.
     """
-    first, last = given.t_s[..., 0], given.t_s[..., -1]
     normal, seen = _normals(given)
-    start = given.bearing_rad[..., 0]
+    index = seen.argmax(axis=-1)[..., None]
+    t, last = np.broadcast_to(given.t_s, seen.shape), given.t_s[..., -1]
+    observer = np.broadcast_to(given.observer_m, normal.shape)
+    first = np.take_along_axis(t, index, axis=-1)[..., 0]
+    start = np.nan_to_num(np.take_along_axis(given.bearing_rad, index, axis=-1)[..., 0])
+    from_m = np.take_along_axis(observer, index[..., None], axis=-2)
     along = np.stack([np.sin(start), np.cos(start)], axis=-1)
-    moved = given.observer_m - given.observer_m[..., :1, :]
-    since = given.t_s - first[..., None]
+    moved = observer - from_m
+    since = t - first[..., None]
     rows = np.concatenate(
         [
             np.einsum("...nk,...k->...n", normal, along)[..., None],
@@ -109,7 +113,7 @@ def n_bearings(given: Bearings) -> SeedTrack:
     )
     d0, velocity = np.split(_least_squares(rows, (normal * moved).sum(axis=-1)), [1], axis=-1)
     half = ((last - first) / 2)[..., None]
-    origin = given.observer_m[..., 0, :] + d0 * along + velocity * half
+    origin = from_m[..., 0, :] + d0 * along + velocity * half
     coefficients = np.stack(np.broadcast_arrays(origin, velocity * half), axis=-2)
     return SeedTrack(coefficients, chebyshev_first, first, last)
 

@@ -17,7 +17,7 @@ from estimation.arrays import Array
 from estimation.bearings_only.criterion import Criterion, criterion
 from estimation.bearings_only.estimate import Estimate
 from estimation.bearings_only.linear_algebra import cholesky, solved
-from estimation.bearings_only.measurements import Bearings, Scene, scene_of
+from estimation.bearings_only.measurements import Bearings, Scene, padded, scene_of
 from estimation.bearings_only.motions import CONSTANT_VELOCITY, Motion
 from estimation.bearings_only.normal_equations import directions
 from estimation.bearings_only.starts import lines_of, taubin
@@ -40,7 +40,8 @@ class JointSolution(NamedTuple):
         yaw_rad: (C,) to add to a carrier's bearings; the own carrier's is 0.
         offset_m: (C, 2) to add to its places.
         covariance: (3 (C - 1), 3 (C - 1)) of yaw, east, north of each other carrier.
-        targets: the T targets, their covariances with the frames' uncertainty.
+        targets: the T targets, their covariances with the frames' uncertainty; `inverse_range` is
+            from the carrier of the last bearing, at equal times the own one.
         chi2, dof: of all bearings.
         converged: False: it is not to be used.
     """
@@ -110,9 +111,11 @@ def jointly(
 
 
 def _together(carriers: Sequence[Bearings], priors: Sequence[FramePrior]) -> tuple[Scene, _Frames]:
-    """One scene of all rows in order of time."""
+    """One scene of all rows in order of time, at equal times the own carrier's last."""
+    carriers = [padded(c) for c in carriers]
     t = np.concatenate([c.t_s for c in carriers])
-    order = np.argsort(t, kind="stable")
+    who = np.repeat(np.arange(len(carriers)), [len(c.t_s) for c in carriers])
+    order = np.lexsort((-who, t))
     everyone = [np.broadcast_to(c.sigma_rad, c.bearing_rad.shape) for c in carriers]
     scene = scene_of(
         Bearings(
@@ -122,14 +125,13 @@ def _together(carriers: Sequence[Bearings], priors: Sequence[FramePrior]) -> tup
             np.concatenate(everyone, axis=1)[:, order],
         )
     )
-    who = np.repeat(np.arange(len(carriers)), [len(c.t_s) for c in carriers])[order]
     length = scene.length_m[0]
     sigmas = [
         s
         for prior in priors
         for s in (prior.sigma_yaw_rad, *2 * (max(prior.sigma_offset_m, 1e-3) / length,))
     ]
-    return scene, _Frames(who, np.array(sigmas))
+    return scene, _Frames(who[order], np.array(sigmas))
 
 
 def _descended(problem: Criterion, frames: _Frames, p: Array) -> tuple[Array, Array, _System, bool]:
@@ -226,6 +228,7 @@ def _told(
         lost = np.einsum("mgt,tgh,nht->mnt", system.coupling, inner, system.coupling)
     else:
         lost = np.zeros_like(system.matrix)
+    covariance = np.asarray(np.linalg.inv(reduced), dtype=float)
     length = problem.scene.length_m[0]
     units = np.tile([1.0, length, length], frames.others)
     each = np.concatenate([np.zeros((1, 3)), (g * units).reshape(-1, 3)])
@@ -234,7 +237,7 @@ def _told(
     return JointSolution(
         each[:, 0],
         each[:, 1:],
-        np.linalg.inv(reduced) * np.outer(units, units) if len(g) else reduced,
+        covariance * np.outer(units, units),
         Estimate(problem.scene, problem.motion, p, system.matrix - lost, chi2, everyone),
         system.cost,
         int(problem.scene.seen.sum()) - p.shape[1] * (problem.motion.size - 1),

@@ -91,7 +91,7 @@ class _Fit(NamedTuple):
     @property
     def p_value(self) -> float:
         chi2 = np.nan_to_num(self.hypothesis.estimate.chi2[self.column], nan=np.inf)
-        return float(gammaincc(self.hypothesis.dof[self.column] / 2, chi2 / 2))
+        return float(np.nan_to_num(gammaincc(self.hypothesis.dof[self.column] / 2, chi2 / 2)))
 
     def candidate(self, weight: float) -> Candidate:
         """As it is reported."""

@@ -16,7 +16,7 @@ from estimation.bearings_only.criterion import Criterion, criterion
 from estimation.bearings_only.estimate import Estimate
 from estimation.bearings_only.levenberg_marquardt import minimised
 from estimation.bearings_only.linear_algebra import inverted
-from estimation.bearings_only.measurements import Bearings, scene_of
+from estimation.bearings_only.measurements import Bearings, padded, scene_of
 from estimation.bearings_only.motions import CONSTANT_VELOCITY, Motion
 from estimation.bearings_only.normal_equations import Normal, directions, products
 from estimation.bearings_only.starts import lines_of, taubin
@@ -121,6 +121,10 @@ def in_space(
         altitude_m, sigma_altitude_m: of the target when it is known; a number or (B,).
         motion: in the horizontal; a polynomial.
     """
+    if given.bearing_rad.shape[-1] == 0:
+        none = np.full((*given.batch, 1), np.nan)
+        elevations = Elevations(none, none, none)
+    given = padded(given)
     scene = scene_of(given)
     problem = _problem(criterion(scene, motion), given, elevations, altitude_m, sigma_altitude_m)
     with np.errstate(all="ignore"):
