@@ -71,5 +71,6 @@ def test_the_solent_shows_the_real_ships() -> None:
     speed = np.linalg.norm(world.step(450)[0].velocity_mps, axis=1)
     assert np.sum(speed > 2) >= 8
     assert speed.max() < 25
-    for pair, count in common(with_overrides(scenario, {"time.duration_s": 100})).items():
+    shares = {f"carriers.{c.name}.sensors.radar.identity_share": 1 for c in scenario.file.carriers}
+    for pair, count in common(with_overrides(scenario, {**shares, "time.duration_s": 100})).items():
         assert min(count) >= 20, pair
