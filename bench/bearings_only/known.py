@@ -6,8 +6,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from bench.bearings_only.scenes import BENCHMARKS, ENSEMBLE, MOTIONS, NAMES, Drawn, ensemble
-from bench.bearings_only.unknown import cell
+from bench.bearings_only.scenes import (
+    BENCHMARKS,
+    ENSEMBLE,
+    MOTIONS,
+    NAMES,
+    Drawn,
+    benchmark,
+    ensemble,
+)
 from bench.figures import Figure, at_most, between, told
 from estimation.arrays import Array
 from estimation.bearings_only import Estimate, Motion, maximum_likelihood, polynomial
@@ -23,7 +30,8 @@ DEGREES = {"uniform": 1, "constant acceleration": 2, "constant jerk": 3}
 def figures(seed: int, runs: int) -> Iterator[Figure]:
     """The cells of S and M, then polynomials of known degree in random geometries."""
     for name, kind, limit in CELLS:
-        scene, _ = cell(seed, runs, name, kind, limit)
+        rng = np.random.default_rng([seed, 2, ord(name), ord(kind), limit])
+        scene = benchmark(rng, name, kind, limit, runs)
         found = maximum_likelihood(scene.given, MOTIONS[kind])
         ratio = np.abs(_relative_error(found, scene)) / scene.bound
         what = f"{name} {limit}' {NAMES[kind]}, known"
