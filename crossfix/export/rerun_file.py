@@ -56,7 +56,8 @@ def _library() -> ModuleType:
         import rerun  # type: ignore[import-not-found, import-untyped, unused-ignore]
     except ImportError:
         raise CrossfixError(
-            "rerun-sdk is not installed", expected="pip install rerun-sdk, or export foxglove"
+            "rerun-sdk is not installed",
+            expected="pip install 'crossfix[rerun]', or export foxglove",
         ) from None
     module: ModuleType = rerun
     return module

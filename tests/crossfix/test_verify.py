@@ -22,8 +22,9 @@ from tests.crossfix.small_recording import (
     record,
     record_torn,
 )
+from tests.fusion_center.scenes import two_ships
 
-OUTPUTS = 3 * STEPS  # one other carrier's correction, association, quality
+OUTPUTS = sum(map(len, two_ships().run(STEPS)[1]))
 
 
 @pytest.fixture
