@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.figures import Figure, at_least, at_most, between, told
+from bench.in_process import Played, played
 from crossfix.evaluation import true_frame
 from estimation.arrays import Array
 from estimation.consistency import mean_interval, nees
@@ -26,7 +27,6 @@ from fusion_center.views import View, in_own_plane, view
 from schemas.messages import TruthCarriers, TruthTargets
 from sim_world.scenario import Scenario, load_scenario, with_overrides
 from sim_world.scenario.declared import origin_of
-from tests.whole.in_process import Played, played
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "no_identities.toml"
 STEPS = 20
