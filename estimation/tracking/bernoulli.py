@@ -24,7 +24,7 @@ from estimation.tracking.marginals import Candidates, Marginals
 from estimation.tracking.scan import Scan
 
 PairTerm = Callable[[Indices, Indices], Array]
-_BATCH = 16_384  # pairs worked on together: their matrices stay in the cache
+_BATCH = 4_096  # pairs worked on together: their matrices stay in the cache
 _MOVES = 1e-4  # probability below which a pair moves no state
 
 

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from estimation.arrays import Array, Indices
-from estimation.assignment import neighbours
 from estimation.tracking.imm import Bank
 from estimation.tracking.innovations import Common
 from estimation.tracking.measurements import Measurement, Probe, longest_axis
 
-_WIDTH = 4.0  # ratio of reaches looked up together
+_WIDTH = 2.0  # ratio of reaches looked up together
 
 
 def near(
     bank: Bank, plots: Measurement, gate: float, common: Common | None = None
 ) -> tuple[Indices, Indices]:
-    """Pairs (track, plot), by track, that hold every pair within the ellipse of `gate`.
+    """Pairs (track, plot), by track then plot, that hold every pair within the ellipse of `gate`.
 
     Each track looks within the circle round its ellipse, in the plane where that circle holds the
     least area; tracks of about the same reach are looked up together.
@@ -27,8 +27,9 @@ def near(
         gate: Mahalanobis distance squared.
         common: error shared by the plots.
     """
+    none = np.empty(0, dtype=np.intp)
     if not plots.size or not bank.model.shape[-1]:
-        return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
+        return none, none
     centre, covariance, apart = _ellipses(bank, plots, common)
     probes = plots.probes(centre, covariance)
     reaches = [np.sqrt(gate * each.spread) + apart * each.scale for each in probes]
@@ -40,7 +41,7 @@ def near(
         for pairs in _looked_up(each, reach, np.flatnonzero(choice == k))
     ]
     track, plot = (np.concatenate(ends) for ends in zip(*found, strict=True))
-    order = np.argsort(track, kind="stable")
+    order = np.lexsort((plot, track))
     return track[order], plot[order]
 
 
@@ -61,13 +62,21 @@ def _ellipses(bank: Bank, plots: Measurement, common: Common | None) -> tuple[Ar
 
 def _looked_up(probe: Probe, reach: Array, members: Indices) -> list[tuple[Indices, Indices]]:
     """Pairs of some of the tracks, each no farther apart than its reach."""
+    if not members.size:
+        return []
+    finite = np.flatnonzero(np.isfinite(probe.places).all(axis=-1))
+    tree = cKDTree(probe.places[finite])
     group = np.floor(np.log(reach[members]) / np.log(_WIDTH))
-    return [_within(probe, reach, members[group == g]) for g in np.unique(group)]
+    pairs = [_within(probe, tree, reach, members[group == g]) for g in np.unique(group)]
+    return [(track, probe.plot[finite[place]]) for track, place in pairs]
 
 
-def _within(probe: Probe, reach: Array, members: Indices) -> tuple[Indices, Indices]:
-    row, place = neighbours(probe.tracks[members], probe.places, float(reach[members].max()))
-    track = members[row]
-    apart = np.hypot(*(probe.tracks[track] - probe.places[place]).T)
-    inside = apart <= reach[track]
-    return track[inside], probe.plot[place[inside]]
+def _within(
+    probe: Probe, places: cKDTree, reach: Array, members: Indices
+) -> tuple[Indices, Indices]:
+    farthest = float(reach[members].max())
+    tracks = cKDTree(probe.tracks[members])
+    found = tracks.sparse_distance_matrix(places, farthest, output_type="ndarray")
+    track = members[found["i"]]
+    inside = np.flatnonzero(found["v"] <= reach[track])
+    return track[inside], found["j"][inside]

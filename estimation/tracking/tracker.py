@@ -45,7 +45,7 @@ class Settings(NamedTuple):
     lifetime_s: float = 600.0
     gate: float = 16.0
     confirmed: float = 0.5
-    pruned: float = 2e-4
+    pruned: float = 5e-4
     classes: tuple[float, ...] = (1.0,)
     associate: Callable[[Candidates], Marginals] = by_belief
 
