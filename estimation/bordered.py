@@ -20,7 +20,8 @@ from estimation.arrays import Array, transposed
 
 Indices = NDArray[np.intp]
 
-_STILL = 1e-6  # chi2: the gain that the last step promised
+_STILL = 1e-6  # chi2: the gain that the last step promised, or made
+_NEARLY = 1e-2  # chi2 promised where weights change with the step and it made none
 _DAMPING, _HARDER, _SOFTER, _HOPELESS = 1e-3, 10.0, 0.1, 1e8
 
 
@@ -175,7 +176,8 @@ def descend(linearise: Linearise, x: Array, theta: Array, most: int) -> Descent:
         normal = normal or normal_equations(at)
         step_x, step_theta, gain = _step(normal, x.shape, damping)
         there = linearise(x + step_x, theta + step_theta)
-        if gain < _STILL and damping == 0:
+        settled = abs(at.cost - there.cost) < _STILL and gain < _NEARLY
+        if damping == 0 and (gain < _STILL or settled):
             return Descent(x + step_x, theta + step_theta, there, normal, True, count)
         if there.cost <= at.cost:
             x, theta, at, normal = x + step_x, theta + step_theta, there, None

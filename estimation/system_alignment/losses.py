@@ -16,7 +16,7 @@ Loss: TypeAlias = Callable[[Array], tuple[Array, Array]]
 
 _HUBER = 2.5  # sigmas; errors without tails stay below it
 _CAUCHY = 3.0
-_BEYOND = 3.5  # sigmas past which a residual is no measurement of its beacon
+_TRUSTED, _GONE = 3.0, 4.5  # sigmas to which a residual counts in full; from which not at all
 
 
 def squares(residual: Array) -> tuple[Array, Array]:
@@ -37,11 +37,14 @@ def cauchy(residual: Array) -> tuple[Array, Array]:
     return _CAUCHY**2 * np.log1p(scaled), 1 / (1 + scaled)
 
 
-def truncated(residual: Array) -> tuple[Array, Array]:
-    """Squares up to 3.5 sigma, nothing gained or lost beyond."""
-    inside = np.abs(residual) <= _BEYOND
-    return np.where(inside, residual**2, _BEYOND**2), inside.astype(float)
+def tapered(residual: Array) -> tuple[Array, Array]:
+    """Squares up to 3 sigma, nothing gained or lost beyond 4.5, a straight way between (Hampel)."""
+    size = np.abs(residual)
+    left = np.clip((_GONE - size) / (_GONE - _TRUSTED), 0.0, 1.0)
+    beyond = _TRUSTED * (_GONE - (_GONE - _TRUSTED) * left**2)
+    weight = np.where(size <= _TRUSTED, 1.0, _TRUSTED / np.maximum(size, _TRUSTED) * left)
+    return np.where(size <= _TRUSTED, size**2, beyond), weight
 
 
-ROBUST: tuple[Loss, ...] = (huber, cauchy, truncated)
+ROBUST: tuple[Loss, ...] = (huber, cauchy, tapered)
 PLAIN: tuple[Loss, ...] = (squares,)

@@ -1,0 +1,225 @@
+"""The system demand: three carriers, six targets, one known beacon, five minutes, all unknown.
+
+The page gives the sigmas; who goes where is ours, and stays: three carriers at 60 m/s turn half
+about within 6 km of the origin, six targets pass within 5 km of it at 120 to 220 m/s. Dead
+reckoning errs as in benchmark G; two-way ranges come every 2.5 s, logs every 5 s. Errors are drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from bench.figures import Figure, at_most, between, scaled_seconds, told
+from estimation.arrays import Array
+from estimation.bordered import last_covariance
+from estimation.consistency import nees, rms
+from estimation.frames import polar_from_east_north, wrap_pi
+from estimation.joint_navigation import (
+    HEADING,
+    LOG_TIME,
+    CarrierPrior,
+    Group,
+    Ranging,
+    Solved,
+    TargetLogs,
+    constant,
+    ranging,
+    solve,
+    target_logs,
+    with_north_of,
+)
+from estimation.system_alignment import DeadReckoning, dead_reckoning
+
+DEG = np.pi / 180
+OWN, CARRIERS, TARGETS = 0, 3, 6
+EPOCHS, INTERVAL_S, LOGS_EVERY = 120, 2.5, 2
+SIGMA_START_M, SIGMA_HEADING_RAD, SIGMA_LOG_TIME_S, SIGMA_CURRENT_MPS = 200.0, 1 * DEG, 0.5, 0.5
+SIGMA_RANGE_M, SIGMA_LOG_M, SIGMA_LOG_RAD = 5.0, 30.0, 0.5 * DEG
+AGILITY = 0.3  # of the targets, m/s^1.5
+SPEED_MPS = 60.0
+SIGMA_SPEED_MPS, SIGMA_COURSE_RAD = 0.63, 0.32 * DEG  # benchmark G's, of the mean of 2.5 s
+STARTS_M = np.array([[-4e3, -3e3], [4e3, -2e3], [0.0, 4e3]])
+COURSES_RAD, TURNS = np.radians([30.0, 300.0, 150.0]), (1, -1, 1)
+BEACON_M = np.array([2000.0, -1000.0, 0.0])
+PRIOR = CarrierPrior(
+    start_m=SIGMA_START_M,
+    heading_rad=SIGMA_HEADING_RAD,
+    current_mps=SIGMA_CURRENT_MPS,
+    log_time_s=SIGMA_LOG_TIME_S,
+)
+
+
+class Truth(NamedTuple):
+    """What is to be found.
+
+    Attributes:
+        places_m: (n, C, 2).
+        heading_rad: (C,).
+        log_time_s: (C,).
+    """
+
+    places_m: Array
+    heading_rad: Array
+    log_time_s: Array
+
+
+def scene(rng: np.random.Generator) -> tuple[Group, Truth]:
+    """One draw of everything."""
+    heading = SIGMA_HEADING_RAD * rng.standard_normal(CARRIERS)
+    heading[OWN] = 0.0  # the gauge: with one beacon, any turn about it changes no measurement
+    late = SIGMA_LOG_TIME_S * rng.standard_normal(CARRIERS)
+    flown = [_carrier(rng, c, heading[c]) for c in range(CARRIERS)]
+    paths = tuple(path for path, _, _ in flown)
+    places = np.stack([true for _, true, _ in flown], axis=1)
+    velocity = np.stack([speed for _, _, speed in flown], axis=1)
+    truth = Truth(places, heading, late)
+    group = Group(
+        paths=paths,
+        priors=(PRIOR,) * CARRIERS,
+        beacons_m=BEACON_M[None],
+        sigma_beacons_m=np.zeros((1, 3)),
+        targets=TARGETS,
+        agility=AGILITY,
+        ranging=_ranging(rng, places),
+        logs=_logs(rng, truth, velocity),
+    )
+    return with_north_of(group, OWN), truth
+
+
+def _carrier(
+    rng: np.random.Generator, carrier: int, bias: float
+) -> tuple[DeadReckoning, Array, Array]:
+    """Dead reckoning of a carrier, its true places (n, 2) and velocities over ground (n, 2)."""
+    course = COURSES_RAD[carrier] + TURNS[carrier] * np.linspace(0, np.pi, EPOCHS)
+    start = STARTS_M[carrier]
+    current = SIGMA_CURRENT_MPS * rng.standard_normal(2)
+    velocity = SPEED_MPS * np.column_stack([np.sin(course), np.cos(course)]) + current
+    places = start + np.cumsum(INTERVAL_S * velocity, axis=0)
+    path = dead_reckoning(
+        INTERVAL_S,
+        SPEED_MPS + SIGMA_SPEED_MPS * rng.standard_normal(EPOCHS),
+        course - bias + SIGMA_COURSE_RAD * rng.standard_normal(EPOCHS),
+        SIGMA_SPEED_MPS,
+        SIGMA_COURSE_RAD,
+        start_m=start + SIGMA_START_M * rng.standard_normal(2),
+    )
+    return path, places, velocity
+
+
+def _ranging(rng: np.random.Generator, places: Array) -> Ranging:
+    """Two-way ranges of every pair, and to the beacon, at every epoch."""
+    columns = []
+    nodes = np.concatenate([places, np.broadcast_to(BEACON_M[:2], (EPOCHS, 1, 2))], axis=1)
+    for own in range(CARRIERS):
+        for peer in range(own + 1, CARRIERS + 1):
+            exact = np.linalg.norm(nodes[:, own] - nodes[:, peer], axis=1)
+            value = exact + SIGMA_RANGE_M * rng.standard_normal(EPOCHS)
+            full = np.full(EPOCHS, own), np.full(EPOCHS, peer)
+            columns.append(np.column_stack([np.arange(EPOCHS), *full, value]))
+    epoch, own, peer, value = np.vstack(columns).T
+    return ranging(epoch, own, peer, value, SIGMA_RANGE_M)
+
+
+def _logs(rng: np.random.Generator, truth: Truth, velocity: Array) -> TargetLogs:
+    """Logs of every target by every carrier at every epoch, stamped late."""
+    targets = np.stack([_target(rng, m) for m in range(TARGETS)], axis=1)  # (n, M, 4)
+    epoch, own, target = (
+        index.ravel()
+        for index in np.meshgrid(
+            np.arange(0, EPOCHS, LOGS_EVERY), np.arange(CARRIERS), np.arange(TARGETS), indexing="ij"
+        )
+    )
+    closing = targets[epoch, target, 2:] - velocity[epoch, own]
+    apart = targets[epoch, target, :2] - truth.places_m[epoch, own]
+    apart = apart - truth.log_time_s[own, None] * closing
+    bearing, distance = polar_from_east_north(apart)
+    return target_logs(
+        epoch,
+        own,
+        target,
+        bearing - truth.heading_rad[own] + SIGMA_LOG_RAD * rng.standard_normal(len(own)),
+        distance + SIGMA_LOG_M * rng.standard_normal(len(own)),
+        SIGMA_LOG_RAD,
+        SIGMA_LOG_M,
+    )
+
+
+def _target(rng: np.random.Generator, target: int) -> Array:
+    """(n, 4) a target that wanders about a straight line through the middle of the scene."""
+    course, aside = np.pi / 3 * target + 0.2, np.pi / 3 * target * 2 + 1.0
+    velocity = (120 + 20 * target) * np.array([np.sin(course), np.cos(course)])
+    middle = 5e3 * np.array([np.sin(aside), np.cos(aside)])
+    dt = INTERVAL_S
+    root = AGILITY * np.linalg.cholesky(np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]))
+    state = np.array([middle - velocity * EPOCHS * dt / 2, velocity])
+    states = []
+    for _ in range(EPOCHS):
+        state = np.array([state[0] + dt * state[1], state[1]]) + root @ rng.standard_normal((2, 2))
+        states.append(state.ravel())
+    return np.array(states)
+
+
+class Outcome(NamedTuple):
+    """Errors of one solution at the last epoch, and how honest it is.
+
+    Attributes:
+        place_m: (C, 2) absolute.
+        relative_m: (C - 1, 2) from the first carrier.
+        heading_rad: (C - 1,) of the others.
+        log_time_s: (C,).
+        nees: of the last places, headings and log times together, by dimension.
+        solved: whether the iteration settled.
+    """
+
+    place_m: Array
+    relative_m: Array
+    heading_rad: Array
+    log_time_s: Array
+    nees: float
+    solved: bool
+
+
+def outcome(found: Solved, truth: Truth) -> Outcome:
+    """A solution against the truth."""
+    place = found.carriers_m[-1] - truth.places_m[-1]
+    heading = wrap_pi(found.constants[:, HEADING] - truth.heading_rad)
+    late = found.constants[:, LOG_TIME] - truth.log_time_s
+    which = [constant(c, i) for i in (HEADING, LOG_TIME) for c in range(CARRIERS)]
+    which.remove(constant(OWN, HEADING))
+    free = [int(np.flatnonzero(found.group.free == i)[0]) for i in which]
+    covariance = last_covariance(found.solution)
+    index = np.concatenate([np.arange(2 * CARRIERS), found.group.block + np.array(free)])
+    error = np.concatenate([place.ravel(), heading[1:], late])
+    normalised = float(nees(error, covariance[np.ix_(index, index)])) / len(error)
+    settled = found.status == "solved"
+    return Outcome(place, place[1:] - place[OWN], heading[1:], late, normalised, settled)
+
+
+def outcomes(seed: int, runs: int) -> list[Outcome]:
+    """Many draws solved."""
+    rng = np.random.default_rng([seed, 20])
+    scenes = (scene(rng) for _ in range(runs))
+    return [outcome(solve(group), truth) for group, truth in scenes]
+
+
+def figures(seed: int, runs: int) -> Iterator[Figure]:
+    """The system demand."""
+    found = outcomes(seed, max(runs // 4, 5))
+    relative = float(rms([o.relative_m for o in found]))
+    heading = float(np.degrees(rms([o.heading_rad for o in found])))
+    late = float(rms([o.log_time_s for o in found]))
+    own = float(rms([o.place_m for o in found]))
+    yield at_most("system: relative position, per axis", relative, 6, "m")
+    yield at_most("system: heading", heading, 0.05, "deg")
+    yield at_most("system: log clock", late, 0.045, "s")
+    yield at_most("system: own position, per axis", own, 6.5, "m")
+    normalised = float(np.mean([o.nees for o in found]))
+    yield between("system: NEES by dimension", normalised, 0.85, 1.25)
+    yield at_most("system: failures", sum(not o.solved for o in found), 0)
+    group, _ = scene(np.random.default_rng([seed, 21]))
+    yield told(
+        "system: solve, 120 epochs of 30 unknowns", scaled_seconds(lambda: solve(group), 3), "s"
+    )
