@@ -63,7 +63,12 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
 
 def test_every_example_is_executed_here() -> None:
     examples = {path.stem for path in (ROOT / "examples").glob("*") if path.is_file()}
-    assert examples == {"compare_settings", "external_publisher", "range_and_odometry", "stonesoup_tracking"}
+    assert examples == {
+        "compare_settings",
+        "external_publisher",
+        "range_and_odometry",
+        "stonesoup_tracking",
+    }
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.py")), ids=lambda p: p.name)
