@@ -52,6 +52,7 @@ class Drawn(NamedTuple):
         speed_mps: (B,).
         bound: (B,) Cramer-Rao bound of the range by the range, of the true motion.
         place_m: (B, 2).
+        motion: the true one, when the family has it.
     """
 
     given: Bearings
@@ -59,6 +60,7 @@ class Drawn(NamedTuple):
     speed_mps: Array
     bound: Array
     place_m: Array
+    motion: Motion | None
 
 
 class Own(NamedTuple):
@@ -101,11 +103,18 @@ def own_track(own: Own, t: Array) -> ComplexArray:
 
 
 def benchmark(
-    rng: np.random.Generator, name: str, kind: str, limit_arcmin: float, runs: int
+    rng: np.random.Generator,
+    name: str,
+    kind: str,
+    limit_arcmin: float,
+    runs: int,
+    count: int = COUNT,
 ) -> Drawn:
-    """Runs of one cell; sigma is a third of the limit."""
+    """Runs of one cell; sigma is a third of the limit. Fewer bearings: the first `count`."""
     chosen = BENCHMARKS[name]
-    given = geometry_of(name, limit_arcmin / 3)
+    given = geometry_of(name, limit_arcmin / 3, count)
+    turned = kind == "D" and given.t_s[-1] > TURN_S
+    motion = CONSTANT_VELOCITY if kind == "D" and not turned else MOTIONS[kind]
     v = chosen.speed_mps * heading(chosen.course_deg)
     a = {
         "B": chosen.along_mps2 * heading(chosen.course_deg),
@@ -113,14 +122,14 @@ def benchmark(
     }.get(kind, 0j)
     half = given.t_s[-1] / 2
     middle = 3000j + v * half + a * half**2 / 2
-    coefficients = [middle, v + a * half, a][: MOTIONS[kind].degree + 1]
+    coefficients = [middle, v + a * half, a][: motion.degree + 1]
     shape: list[float] = []
     if kind == "B":
         shape = [chosen.along_mps2 * half / abs(coefficients[1])]
-    if kind == "D":
+    if turned:
         coefficients[0] = 3000j + v * half
         shape = [float(np.radians(chosen.turn_deg)), (TURN_S - half) / half]
-    return drawn(rng, given, MOTIONS[kind], np.array(coefficients), np.array(shape), runs)
+    return drawn(rng, given, motion, np.array(coefficients), np.array(shape), runs)
 
 
 def drawn(
@@ -147,12 +156,13 @@ def drawn(
         np.linalg.norm(last.velocity_mps, axis=1) + everyone,
         bound + everyone,
         last.position_m + everyone[:, None],
+        motion,
     )
 
 
-def geometry_of(name: str, sigma_arcmin: float) -> Bearings:
+def geometry_of(name: str, sigma_arcmin: float, count: int = COUNT) -> Bearings:
     """Times and places of a benchmark; its bearings are not yet taken."""
-    t = STEP_S * np.arange(COUNT)
+    t = STEP_S * np.arange(count)
     return _geometry(t, own_track(BENCHMARKS[name].own, t), sigma_arcmin * MINUTE)
 
 
@@ -164,7 +174,7 @@ def drawn_places(rng: np.random.Generator, geometry: Bearings, places: ComplexAr
     unknown = np.full(len(places), np.nan)
     last = np.stack([places[:, -1].real, places[:, -1].imag], axis=1)
     given = geometry._replace(bearing_rad=noisy)
-    return Drawn(given, np.abs(d[:, -1]), np.abs(velocity), unknown, last)
+    return Drawn(given, np.abs(d[:, -1]), np.abs(velocity), unknown, last, None)
 
 
 def _geometry(t: Array, own: ComplexArray, sigma: float | Array) -> Bearings:
