@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import threading
 from collections import deque
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import msgspec
 
@@ -20,6 +20,8 @@ from schemas.recording.reader import Recorded, Recording
 
 from .remapping import NO_RENAMES, Renames
 
+OVERHEAD_BYTES = 256
+"""Of a message that is kept, beside its payload."""
 KEEP_BYTES = 32 * 1024 * 1024
 """Of what was published last is kept for those who have missed it."""
 
@@ -28,9 +30,9 @@ class _Boot(msgspec.Struct):
     boot: str = ""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Lane:
-    """Where the messages of one recorded key go, and what is kept of them."""
+    """Where the messages of one recorded key go; of a latched one, the last."""
 
     key: str
     qos: Qos
@@ -39,7 +41,13 @@ class _Lane:
     rename: Mapping[str, str] | None
     latched: bool
     last: Sample | None = None
-    kept: deque[tuple[int, Sample]] = field(default_factory=deque)
+
+
+class _Kept(NamedTuple):
+    lane: _Lane
+    sequence: int
+    payload: bytes
+    encoding: str
 
 
 class Speaker:
@@ -53,10 +61,9 @@ class Speaker:
     def __init__(self, bus: Bus, run: str, renames: Renames = NO_RENAMES) -> None:
         self._bus, self._run, self._renames = bus, run, renames
         self._lanes: dict[str, _Lane] = {}
-        self._order: deque[_Lane] = deque()
+        self._kept: deque[_Kept] = deque()
         self._bytes = 0
         self._served: set[str] = set()
-        self._lock = threading.Lock()
 
     def __call__(self, message: Recorded) -> None:
         """Publish one message, and keep it for those who miss it."""
@@ -64,11 +71,13 @@ class Speaker:
         payload = message.payload
         if lane.rename is not None:
             payload = self._renames.rewritten(message, lane.rename)
-        sample = Sample(lane.key, payload, message.encoding)
-        self._keep(lane, message.sequence, sample)
+        self._kept.append(_Kept(lane, message.sequence, payload, message.encoding))
+        self._bytes += len(payload) + OVERHEAD_BYTES
+        while self._bytes > KEEP_BYTES:
+            self._bytes -= len(self._kept.popleft().payload) + OVERHEAD_BYTES
         self._bus.publish(lane.key, payload, message.encoding, lane.qos)
         if lane.latched:
-            self._latch(lane, sample)
+            self._latch(lane, Sample(lane.key, payload, message.encoding))
 
     def _open(self, message: Recorded) -> _Lane:
         address = message.address
@@ -87,15 +96,6 @@ class Speaker:
             self._bus.serve(keys.BACKFILL.key(self._run, lane.process), self._backfill)
         return lane
 
-    def _keep(self, lane: _Lane, sequence: int, sample: Sample) -> None:
-        with self._lock:
-            lane.kept.append((sequence, sample))
-            self._order.append(lane)
-            self._bytes += len(sample.payload) + 256
-            while self._bytes > KEEP_BYTES:
-                _, gone = self._order.popleft().kept.popleft()
-                self._bytes -= len(gone.payload) + 256
-
     def _latch(self, lane: _Lane, sample: Sample) -> None:
         new, lane.last = lane.last is None, sample
         if new:
@@ -106,7 +106,7 @@ class Speaker:
         process = question.key.rpartition("/")[2]
         records: list[BackfillRecord] = []
         size = 0
-        for sample in self._kept(process, request):
+        for sample in self._missed(process, request):
             size += len(sample.payload)
             if len(records) == MAX_RECORDS or (records and size > REPLY_BYTES):
                 break
@@ -115,16 +115,14 @@ class Speaker:
             )
         yield reply_to(question, BackfillReply(records=records))
 
-    def _kept(self, process: str, request: BackfillRequest) -> list[Sample]:
-        with self._lock:
-            lanes = [lane for lane in self._lanes.values() if lane.process == process]
-            found = [
-                sample
-                for lane in lanes
-                if lane.stream == request.stream
-                for sequence, sample in lane.kept
-                if request.first <= sequence <= request.last
-            ]
+    def _missed(self, process: str, request: BackfillRequest) -> list[Sample]:
+        found = [
+            Sample(lane.key, payload, encoding)
+            for lane, sequence, payload, encoding in self._kept.copy()  # it goes on meanwhile
+            if lane.process == process
+            and lane.stream == request.stream
+            and request.first <= sequence <= request.last
+        ]
         return [sample for sample in found if request.boot in ("", _boot(sample))]
 
 
