@@ -1,11 +1,10 @@
 """The fusion as one pure step: no bus, no clock, no randomness.
 
-A Closed is fused instant by instant, in the order of the stamps. Whenever the own carrier and
-another have both reported since their last registration, that is a *report event*: the other's
-frame is registered anew, at the later of the two instants (where reports alternate, each is paired
-with the nearer neighbour, see `links`). So the estimates and their monitors depend on what was said
-of which instant, and not on how time was cut into Closed messages. Only messages that come in a
-later Closed than younger ones already fused are another matter: they would need a rollback.
+A Closed is fused instant by instant, in the order of the stamps. Reports of several carriers make a
+*report event* (see `windows`, or `memoryless` for the baselines): frames are found or followed, at
+one instant, from what was seen about it. So the estimates and their monitors depend on what was
+said of which instant, and not on how time was cut into Closed messages. Only messages that come in
+a later Closed than younger ones already fused are another matter: they would need a rollback.
 
 A Correction of every other carrier is published with every Closed. Where there was no report event
 it repeats the last one; `valid_t_ns` says for when it holds.
