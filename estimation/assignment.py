@@ -66,11 +66,18 @@ def pair_probabilities(first: Indices, second: Indices, log_ratio: Array) -> Arr
     Source: Williams & Lau, Approximate evaluation of marginal association probabilities with
     belief propagation, IEEE Trans. AES 50(4), 2014, eqs 30 and 31.
     """
-    if not len(log_ratio):
-        return np.empty(0)
     psi = np.exp(np.clip(log_ratio, -_LARGEST, _LARGEST))
+    probability = np.asarray(psi / (1.0 + psi), dtype=float)
     _, i = np.unique(first, return_inverse=True)
     _, j = np.unique(second, return_inverse=True)
+    rivals = np.flatnonzero((np.bincount(i)[i] > 1) | (np.bincount(j)[j] > 1))
+    if rivals.size:
+        probability[rivals] = _propagated(i[rivals], j[rivals], psi[rivals])
+    return probability
+
+
+def _propagated(i: Indices, j: Indices, psi: Array) -> Array:
+    """Probabilities (K,) of candidates that have rivals, by messages until they settle."""
     nu = np.ones_like(psi)
     for _ in range(_PASSES):
         mu = psi / (1.0 + _others(i, psi * nu))
