@@ -14,6 +14,7 @@ import json
 import queue
 import random
 import secrets
+import time
 from collections import defaultdict
 from math import atan2, cos, degrees, dist, pi, radians, sin
 from typing import Any
@@ -34,6 +35,7 @@ POSITION_ERROR_M = (900.0, -600.0)  # added to it in what is reported: we know n
 NORTH_ERROR_RAD = radians(1.5)  # our north points so far to the right of true north
 SIGMA_POSITION_M, SIGMA_NORTH_RAD = 1000.0, radians(1.0)  # what we admit to: the fusion's prior
 SILENCE_S = 15.0  # the world speaks four times a second; so long without a word, it is gone
+BEHIND = 20  # messages that wait for us
 
 Message = dict[str, Any]
 
@@ -110,19 +112,28 @@ def believed_pose(origin: Message) -> Message:
 
 
 def ask(session: zenoh.Session, key: str, question: Message | None = None) -> Message:
-    """What the owner of a key answers, asked until it is there."""
-    while True:
+    """What the owner of a key answers, asked until it is there.
+
+    Raises:
+        TimeoutError: it is not there for long.
+    """
+    deadline_s = time.monotonic() + SILENCE_S
+    while time.monotonic() < deadline_s:
         for reply in session.get(key, payload=msgpack.packb(question), timeout=0.5):
             if reply.ok is not None:
                 return msgpack.unpackb(reply.ok.payload.to_bytes())
+        time.sleep(0.02)
+    raise TimeoutError(f"nobody answers for {key}")
 
 
 def observe(us: Publisher, step: Message, pose: Message, *, answer: bool) -> None:
     """Say everything there is to say at one step."""
     number = step["step"]
     question = {"boot": "", "stream": "truth/targets", "first": number, "last": number}
-    kept = ask(us.session, f"{us.root}/backfill/world", question)["records"][0]
-    logs = look(msgpack.unpackb(kept["payload"]), random.Random(f"{us.name} {number}"))  # noqa: S311
+    kept = ask(us.session, f"{us.root}/backfill/world", question)["records"]
+    if not kept:
+        return  # too long ago for the world to know
+    logs = look(msgpack.unpackb(kept[0]["payload"]), random.Random(f"{us.name} {number}"))  # noqa: S311
     # A step of 0 in the envelope: the fusion centre takes whatever has come by then.
     when = {"t_ns": step["t_ns"], "step": number if answer else 0}
     if not us.sent["info"]:
@@ -173,8 +184,9 @@ def take_part(session: zenoh.Session, run: str, name: str, *, answer: bool) -> s
         elif message.get("ended"):
             ended = message["ended"]
         elif message["step"] > done:
-            observe(us, message, pose, answer=answer)
             done = message["step"]
+            if answer or heard.qsize() < BEHIND:  # rather miss a step than be late at all of them
+                observe(us, message, pose, answer=answer)
 
 
 def main() -> None:
@@ -197,7 +209,11 @@ def main() -> None:
         )
     )
     with zenoh.open(config) as session:
-        print("ended:", take_part(session, given.run, given.name, answer=given.answer_steps))
+        try:
+            reason = take_part(session, given.run, given.name, answer=given.answer_steps)
+        except TimeoutError:
+            reason = "the world is silent"
+        print("ended:", reason)
 
 
 if __name__ == "__main__":

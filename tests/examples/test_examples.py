@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import signal
 import subprocess
 import sys
 from collections import Counter
@@ -17,7 +18,7 @@ from schemas import keys
 from schemas.messages import Correction, Navigation, SourceInfo, SourceReport
 from schemas.recording.reader import open_recording
 from tests.live.live_run import LiveRun
-from tests.live.outsiders import DEADLINE_S, started
+from tests.live.outsiders import DEADLINE_S, await_line, started
 from tests.whole.recorded import messages
 
 ROOT = Path(__file__).parents[2]
@@ -145,3 +146,15 @@ def test_navigation_on_the_page_is_taken() -> None:
         command, input=line, capture_output=True, text=True, check=True, timeout=DEADLINE_S
     )
     assert done.stdout.count("crossfix.Navigation") == 1
+
+
+@pytest.mark.live
+def test_the_example_ends_with_a_world_that_died_without_a_word(tmp_path: Path) -> None:
+    with LiveRun(SCENARIO, tmp_path / "run.mcap", RunOptions(rate="5")) as run:
+        program = str(ROOT / "examples" / "external_publisher.py")
+        with started(program, "--run", run.run, "--connect", run.endpoint) as example:
+            await_line(example, "takes part in patrol")
+            run.await_step(10)
+            run.signal("world", signal.SIGKILL)
+            assert "the world is silent" in example.communicate(timeout=DEADLINE_S)[0]
+            assert example.returncode == 0
