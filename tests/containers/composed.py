@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import re
+import shlex
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -34,6 +39,7 @@ class Composed:
             "CROSSFIX_IMAGE": image,
             "CROSSFIX_PORT": self.endpoint.rpartition(":")[2],
             "CROSSFIX_DURATION_S": str(duration_s),
+            "COMPOSE_PROJECT_NAME": self._name,
         }
 
     def __enter__(self) -> Composed:
@@ -51,8 +57,23 @@ class Composed:
 
     def compose(self, *arguments: str) -> str:
         """What a compose command prints."""
-        command = [*compose_command(), "--project-name", self._name, *arguments]
+        command = [*compose_command(), *arguments]
         return run(command, cwd=self._checkout, timeout_s=DEADLINE_S, **self._variables).stdout
+
+    @property
+    def network(self) -> str:
+        """Name of the network of its containers."""
+        return f"{self._name}_default"
+
+    def shell(self, line: str) -> str:
+        """What a line prints that is typed beside the compose file."""
+        command = ["/bin/sh", "-c", self._here(line)]
+        return run(command, cwd=self._checkout, timeout_s=DEADLINE_S, **self._variables).stdout
+
+    def started(self, line: str) -> subprocess.Popen[bytes]:
+        """A line that is typed and not waited for."""
+        environment = os.environ | self._variables
+        return subprocess.Popen(shlex.split(self._here(line)), cwd=self._checkout, env=environment)
 
     def container(self, service: str) -> str:
         """Id of a service's container, also of one that has ended."""
@@ -77,12 +98,21 @@ class Composed:
     @contextmanager
     def cut_off(self, service: str) -> Iterator[None]:
         """Take a container out of the network for a while."""
-        network, container = f"{self._name}_default", self.container(service)
-        docker("network", "disconnect", network, container)
+        container = self.container(service)
+        docker("network", "disconnect", self.network, container)
         try:
             yield
         finally:
-            docker("network", "connect", network, container)
+            docker("network", "connect", self.network, container)
+
+    def _here(self, line: str) -> str:
+        """A line with compose as it is called here, and with this Python."""
+        line = line.replace("docker compose", " ".join(compose_command()))
+        return re.sub(
+            "^(python|crossfix) ",
+            lambda found: f"{sys.executable} {'-m crossfix ' * (found[1] == 'crossfix')}",
+            line,
+        )
 
     def fetch_recording(self, folder: Path) -> Path:
         """A copy of the recording from the volume."""

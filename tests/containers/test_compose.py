@@ -5,10 +5,6 @@ The image is built as from a clean checkout, and everything that was made is rem
 
 from __future__ import annotations
 
-import secrets
-import shutil
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,34 +16,12 @@ from schemas.messages import Closed, Health, Step
 from schemas.recording.fingerprint import numeric_fingerprint
 from schemas.recording.reader import open_recording
 from tests.containers.composed import RECORDINGS, SERVICES, Composed, Onlooker
-from tests.containers.engine import BUILD_S, base_image, compose_command, image, run
-from tests.project.tree import ROOT, tracked_files
 from tests.whole.recorded import messages, outputs
 
 pytestmark = [pytest.mark.live, pytest.mark.slow, pytest.mark.timeout(1800)]
 SHM_BYTES = 64 * 1024 * 1024
 HUB_S = 30.0
 KILLED = 137
-
-
-@pytest.fixture(scope="module")
-def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The tracked files alone, and the wheels of what they depend on."""
-    compose_command()
-    folder = tmp_path_factory.mktemp("checkout")
-    for path in tracked_files():
-        copy = folder / path.relative_to(ROOT)
-        copy.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(path, copy)
-    run([str(folder / "docker" / "wheels.sh")], timeout_s=BUILD_S, PYTHON=sys.executable)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def built(checkout: Path) -> Iterator[str]:
-    tag = f"crossfix-test-{secrets.token_hex(4)}"
-    with base_image(checkout, f"{tag}-base") as base, image(checkout, base, tag):
-        yield tag
 
 
 def takes_part(carrier: str, closed: Closed) -> bool:
