@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bench.figures import Figure, Options, at_least, at_most, options, report, scale, told
+from bench.figures import Figure, Options, at_least, at_most, cpu_scale, options, report, told
 from bench.tracking import arrival, ours, registered
 from bench.tracking.ours import Run, settings_for
 from bench.tracking.scenes import CARRIERS, Scene, Size, drawn, read
@@ -168,9 +168,9 @@ def _parts(name: str, found: Score) -> Iterator[Figure]:
 
 def _scaled(scene: Scene, settings: Settings, features: bool = False) -> tuple[Run, float]:
     """A run, and its time on the machine of the demands by its time here, gauged about it."""
-    before = scale()
+    before = cpu_scale()
     run = ours.run(ours.scans_of(scene, scene.pose, features), settings)
-    return run, (before + scale()) / 2
+    return run, (before + cpu_scale()) / 2
 
 
 def _ms(run: Run) -> float:
