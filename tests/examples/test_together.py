@@ -46,7 +46,7 @@ def test_every_command_of_the_page_on_publishing_is_run() -> None:
 
 @pytest.fixture
 def place(tmp_path: Path) -> Place:
-    place = Place(tmp_path, duration_s=150)
+    place = Place(tmp_path, duration_s=1800)
     (short,) = blocks(PUBLISHING, "python")
     (tmp_path / "short.py").write_text(short)
     return place
@@ -94,6 +94,7 @@ def test_commands_that_join_a_run_do_what_the_pages_say(place: Place, hub: str) 
         for command in ("crossfix check --run strait --carrier visitor", TOGETHER[3]):
             done = place.run(enough(at(hub, command)))
             assert done.returncode == 0, (command, done.stdout, done.stderr)
+        run.send_signal(signal.SIGINT)  # however long that took, it is enough
         for process in (run, *joined):
             code, told = ended(process)
             assert code == 0, told
