@@ -15,9 +15,11 @@ from schemas.messages import DeclaredScenario, TruthScenario
 from schemas.recording.contents import RunHeader, hash_of, run_attachments
 from schemas.recording.fingerprint import installed_versions, numeric_fingerprint
 from schemas.recording.parts import ONE_FILE, Limits, PartedWriter, Safety
+from schemas.recording.writer import RecordingWriter
 
 from .commands import serve
 from .rows import EVERYTHING, Wanted
+from .sink import Sink
 from .thread import Recorder
 
 
@@ -82,9 +84,13 @@ def begin(
         fingerprint=numeric_fingerprint(),
     )
     attachments = run_attachments(scenario, truth, config) if scenario else []
-    writer = PartedWriter(
-        path, header, attachments=attachments, limits=how.limits, safety=how.safety
-    )
+    writer: Sink
+    if how.limits == ONE_FILE:
+        writer = RecordingWriter(path, header, attachments=attachments, **how.safety._asdict())
+    else:
+        writer = PartedWriter(
+            path, header, attachments=attachments, limits=how.limits, safety=how.safety
+        )
     recorder = Recorder(member, writer, scenario, how.wanted)
     recorder.commands = serve(recorder, path, member)
     return recorder

@@ -58,11 +58,9 @@ class Gaps:
         Raises:
             WireError: it cannot be accounted for.
         """
-        highest = self._ledger.highest(stream)
         if self._ledger.is_absurd(stream, seq):
-            raise WireError(f"seq jumps from {highest}", got=seq)
-        if not highest:
-            self._rows.bind(stream, key)
+            raise WireError(f"seq jumps from {self._ledger.highest(stream)}", got=seq)
+        self._rows.bind(stream, key)
         seen = self._ledger.note(stream, seq)
         if seen is Seen.REFUSED:
             raise WireError("more gaps in seq than can be remembered", got=seq)

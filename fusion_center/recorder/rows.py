@@ -110,7 +110,7 @@ class Rows:
 
     def bind(self, stream: StreamKey, key: str) -> None:
         """Note where the messages of a stream travel, so that its gaps are counted there."""
-        if len(self._keys) < MAX_ROWS:
+        if stream not in self._keys and len(self._keys) < MAX_ROWS:
             self._keys[stream] = key
 
     def gap(self, stream: StreamKey, count: int) -> None:

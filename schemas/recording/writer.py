@@ -263,14 +263,15 @@ class RecordingWriter:
     ) -> None:
         self._clock_ns = max(self._clock_ns, log_time_ns)
         self._dirty = True
-        self._call(
-            self._mcap.add_message,
-            channel,
-            self._clock_ns,
-            publish_time_ns,
-            sequence & _UINT32,
-            payload,
-        )
+        try:
+            self._mcap.add_message(
+                channel, self._clock_ns, publish_time_ns, sequence & _UINT32, payload
+            )
+        except OSError as error:
+            self._settle()
+            self._stop(error, whole=False)
+        if self._file.chunks != self._chunks:  # seldom: the rest of `_call` is for then
+            self._call(self._settle)
 
     def _call(self, action: Callable[..., T], *arguments: Any) -> T:
         """One call of the library, after which every message is in the file, or known not to be."""
