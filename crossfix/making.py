@@ -35,7 +35,7 @@ def beside(path: Path) -> Iterator[Path]:
 
     Raises:
         LaunchError: `path` exists, or its folder does not or cannot be written to.
-        RecordingError: somebody else has made `path` meanwhile.
+        RecordingError: the disk does not take it, or somebody else has made `path` meanwhile.
     """
     require_new(path)
     unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
@@ -44,6 +44,8 @@ def beside(path: Path) -> Iterator[Path]:
         if path.exists():
             raise RecordingError("was made meanwhile", where=str(path), expected="another name")
         unfinished.rename(path)
+    except OSError as error:
+        raise RecordingError("cannot write", where=str(path), got=error.strerror) from error
     finally:
         unfinished.unlink(missing_ok=True)
 

@@ -49,7 +49,10 @@ def export(recording: Recording, folder: Path, topics: tuple[str, ...] = ()) -> 
             "cannot make the folder", where=str(folder), got=error.strerror,
             expected="--output with the name of a new one",
         ) from None  # fmt: skip
-    tables = (_written(recording, topic, folder / f"{topic.name}.csv") for topic in wanted)
+    try:
+        tables = [_written(recording, topic, folder / f"{topic.name}.csv") for topic in wanted]
+    except OSError as error:
+        raise CrossfixError("cannot write", where=str(folder), got=error.strerror) from error
     return [table for table in tables if table.rows]
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from types import TracebackType
 
-from ..errors import RecordingError
 from .builder import McapBuilder
+from .plain_file import PlainFile
 
 
 class JsonFile:
@@ -18,7 +18,7 @@ class JsonFile:
 
     def __init__(self, path: Path) -> None:
         self.messages = 0
-        self._sink = _Sink(path)
+        self._sink = PlainFile(path)
         self._builder = McapBuilder(self._sink, "")
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
@@ -49,28 +49,3 @@ class JsonFile:
                 self._builder.finish()
         finally:
             self._sink.close()
-
-
-class _Sink:
-    """A new file that knows its length."""
-
-    def __init__(self, path: Path) -> None:
-        try:
-            self._file = path.open("xb", buffering=1024 * 1024)
-        except OSError as error:
-            raise RecordingError("cannot write", where=str(path), got=error.strerror) from error
-        self._offset = 0
-
-    def write(self, records: bytes) -> int:
-        self._file.write(records)
-        self._offset += len(records)
-        return len(records)
-
-    def tell(self) -> int:
-        return self._offset
-
-    def flush(self) -> None:
-        self._file.flush()
-
-    def close(self) -> None:
-        self._file.close()

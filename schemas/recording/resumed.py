@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -11,8 +10,8 @@ from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Metad
 from mcap.records import Schema as SchemaRecord
 from mcap.writer import MCAP0_MAGIC
 
-from ..errors import RecordingError
 from .builder import McapBuilder
+from .plain_file import KeptFile, Nowhere, PlainFile
 from .records import Frame, RawMessage, Source, chunk_data, parse, parse_body, unpacked
 
 _CHUNK_NAME_AT = 28
@@ -29,8 +28,8 @@ class Resumed(McapBuilder):
     """
 
     def __init__(self, source: Source, path: Path) -> None:
-        self._file = _Tail(path) if path.exists() else _Copy(path)
-        super().__init__(_Nowhere(), "")
+        self._file = KeptFile(path) if path.exists() else PlainFile(path)
+        super().__init__(Nowhere(), "")  # the head of the file is taken over as well
         self._data_crc, self._sink = 0, self._file
         self._append(MCAP0_MAGIC)
         self._source = source
@@ -156,67 +155,6 @@ class Resumed(McapBuilder):
         return place
 
 
-class _Nowhere:
-    """Takes the head that a new file would have."""
-
-    def write(self, records: bytes) -> int:
-        return len(records)
-
-    def tell(self) -> int:
-        return 0
-
-    def flush(self) -> None:
-        return
-
-
-class _Copy:
-    """A new file."""
-
-    def __init__(self, path: Path) -> None:
-        self._file = _opened(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL)
-        self._offset = 0
-
-    def write(self, records: bytes) -> int:
-        rest = memoryview(records)
-        while rest:
-            rest = rest[os.write(self._file, rest) :]
-        self._offset += len(records)
-        return len(records)
-
-    def tell(self) -> int:
-        return self._offset
-
-    def flush(self) -> None:
-        return
-
-    def cut(self) -> None:
-        return
-
-    def close(self) -> None:
-        os.fsync(self._file)
-        os.close(self._file)
-
-
-class _Tail(_Copy):
-    """The file itself: what is taken over is there already."""
-
-    def __init__(self, path: Path) -> None:
-        self._file = _opened(path, os.O_WRONLY)
-        self._offset = 0
-        self._is_new = False
-
-    def write(self, records: bytes) -> int:
-        if self._is_new:
-            return super().write(records)
-        self._offset += len(records)
-        return len(records)
-
-    def cut(self) -> None:
-        os.ftruncate(self._file, self._offset)
-        os.lseek(self._file, self._offset, os.SEEK_SET)
-        self._is_new = True
-
-
 def registered(source: Source, frame: Frame, body: bytes) -> SchemaRecord | Channel | None:
     """The schema or channel that a chunk holds at `frame`; None for anything else."""
     if frame.opcode == Opcode.SCHEMA:
@@ -237,10 +175,3 @@ def _attachment_index(source: Source, frame: Frame, offset: int) -> AttachmentIn
         name=file.name,
         media_type=file.media_type,
     )
-
-
-def _opened(path: Path, flags: int) -> int:
-    try:
-        return os.open(path, flags | os.O_CLOEXEC, 0o644)
-    except OSError as error:
-        raise RecordingError("cannot write", where=str(path), got=error.strerror) from error

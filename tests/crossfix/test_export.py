@@ -1,6 +1,7 @@
 """`export`: files pass the schemas of those they are for, and put things where they are."""
 
 import csv
+import errno
 import json
 import sys
 from math import degrees
@@ -312,3 +313,17 @@ def test_nothing_is_overwritten(path: Path, tmp_path: Path, crossfix: Crossfix) 
     shown = crossfix("export", "csv", path, "--topic", "nothing", "-o", tmp_path / "new")
     assert shown.code == 2
     assert not (tmp_path / "new").exists()
+
+
+def test_a_full_disk_is_one_line_and_leaves_nothing(
+    path: Path, tmp_path: Path, crossfix: Crossfix, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("schemas.recording.plain_file.os.write", full)
+    shown = crossfix("export", "foxglove", path, "-o", tmp_path / "out.mcap")
+    assert shown.code == 2
+    assert "No space left" in shown.err
+    assert len(shown.err.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
