@@ -25,6 +25,7 @@ from estimation.tracking.scan import Scan
 
 PairTerm = Callable[[Indices, Indices], Array]
 _BATCH = 4_096  # pairs worked on together: their matrices stay in the cache
+_SUREST = 1e12  # times likelier than not: more is not believed of any pair
 _MOVES = 1e-4  # probability below which a pair moves no state
 
 
@@ -148,6 +149,7 @@ def candidates(tracks: Tracks, pairs: Pairs, detection: Array, alone: Array) -> 
     hit = tracks.existence * detection
     odds = hit / (1.0 - hit)
     weight = odds[pairs.track] * pairs.likelihood / np.maximum(alone, 1e-300)[pairs.plot]
+    weight = np.minimum(weight, _SUREST)
     return Candidates(pairs.track, pairs.plot, weight, len(hit), len(alone))
 
 

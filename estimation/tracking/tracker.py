@@ -25,6 +25,8 @@ from estimation.tracking.marginals import Candidates, Marginals, by_belief
 from estimation.tracking.scan import Scan
 from estimation.tracking.undetected import Region, Undetected
 
+_SUREST = 0.999  # no sensor sees more surely: a miss must not be impossible
+
 
 class Settings(NamedTuple):
     """What the tracker expects of the world, and where it stops caring.
@@ -124,7 +126,7 @@ def step(
     pairs = bernoulli.gated(now.tracks, scan, settings.gate, term)
     lone = alone(now.undetected, scan, settings.motion, np.asarray(settings.classes))
     place, _ = imm.combined(now.tracks.bank)
-    detection = np.where(scan.view.holds(place[:2]), scan.detection, 0.0)
+    detection = np.where(scan.view.holds(place[:2]), min(scan.detection, _SUREST), 0.0)
     candidates = bernoulli.candidates(now.tracks, pairs, detection, lone.density)
     marginals = settings.associate(candidates)
     old = bernoulli.updated(now.tracks, pairs, marginals, detection)

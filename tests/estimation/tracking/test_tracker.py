@@ -373,6 +373,55 @@ def test_a_common_error_widens_and_is_not_blamed_on_tracks(small: list[Scan]) ->
     assert errors[0] < 0.5 * errors[1]
 
 
+def test_a_sensor_that_claims_to_be_perfect_is_taken_with_a_grain_of_salt(
+    small: list[Scan],
+) -> None:
+    """Detection 1 and no clutter, both untrue: nothing infinite, and most targets are found."""
+    perfect = [scan._replace(detection=1.0, clutter=0.0) for scan in small]
+    pictures = tracked(perfect)
+    for picture in pictures:
+        tracks = picture.tracks
+        assert all(np.isfinite(part).all() for part in (tracks.existence, *tracks.bank))
+        assert ((tracks.existence >= 0) & (tracks.existence <= 1)).all()
+    honest = shown(tracked(small)[-1], SETTINGS)
+    found = shown(pictures[-1], SETTINGS)
+    near = matched(honest.mean[:, :2], found.mean[:, :2], 300.0)
+    assert len(near.truth) >= 0.8 * len(honest.mean)
+
+
+def test_a_plot_that_is_no_number_changes_nothing(small: list[Scan]) -> None:
+    marred = []
+    for scan in small:
+        columns = [np.append(part, part[0]) for part in scan.plots[1:-1]]  # type: ignore[index]
+        columns[1][-1] = np.nan
+        marred.append(scan._replace(plots=polar(scan.view.site_m, *columns)))
+    assert_alike(shown(tracked(small)[-1], SETTINGS), shown(tracked(marred)[-1], SETTINGS))
+
+
+def test_ten_times_the_declared_clutter_is_survived() -> None:
+    """The picture fills with false tracks, but stays bounded, and the targets are in it."""
+    rng = np.random.default_rng(7)
+    given = world(rng, 20, 20)
+    flood = []
+    for scan in scans(rng, given):
+        ghosts = rng.uniform(-BOX_M / 2, BOX_M / 2, (round(10 * CLUTTER), 2)) - scan.view.site_m
+        bearing, far, *_ = scan.plots[1:]  # type: ignore[index]
+        plots = polar(
+            scan.view.site_m,
+            np.append(bearing, np.arctan2(*ghosts.T)),
+            np.append(far, np.hypot(*ghosts.T)),
+            SIGMA_BEARING,
+            SIGMA_RANGE,
+        )
+        flood.append(scan._replace(plots=plots))
+    pictures = tracked(flood)
+    assert max(len(picture.tracks.identity) for picture in pictures) < 1000
+    truth = given.states[-1][given.alive[-1], :2]
+    found = shown(pictures[-1], SETTINGS)
+    assert len(matched(truth, found.mean[:, :2], 300.0).truth) >= 0.8 * len(truth)
+    assert len(found.mean) < 3 * len(truth)
+
+
 def test_settings_are_the_documented_defaults() -> None:
     assert Settings().motion == Motion()
     assert tracker.number(nothing(Settings(), 0)).mean == 0.0
