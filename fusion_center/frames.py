@@ -90,18 +90,23 @@ def improved(frames: Frames, better: JointFrames) -> Frames:
 
 
 def joined_by(
-    state: State, frames: Frames | None, name: str, frame: OwnAxesFrame, t_ns: int
+    state: State, frames: Frames | None, name: str, frame: OwnAxesFrame, t_ns: int, through: str
 ) -> Frames:
-    """The frames with a carrier's that has been found by itself, for the first time or anew."""
+    """The frames with a carrier's that has been found, for the first time or anew.
+
+    Args:
+        frame: in the axes of the carrier `through`, which is the own one or is followed.
+    """
     own = stand(state, state.own, t_ns)
     if frames is None:
         alone = own_alone(own.sigma_drift_mps, own.sigma_bias_m)
         frames = _stored((), alone, [own], t_ns)
-    before = joint(frames)
-    if name in frames.carriers:
-        return improved(frames, before.with_frame(row(frames, name), frame))
-    new = stand(state, name, t_ns)
-    after = before.joined_by(frame, new.sigma_drift_mps, new.sigma_bias_m)
+    before, new = joint(frames), stand(state, name, t_ns)
+    sigmas = new.sigma_drift_mps, new.sigma_bias_m
+    if through == state.own:
+        after = before.joined_by(frame, *sigmas)
+    else:
+        after = before.joined_through(row(frames, through), frame, *sigmas)
     return replace(
         improved(frames, after),
         carriers=(*frames.carriers, name),

@@ -1,7 +1,8 @@
 """The whole fusion centre where no target says who it is: scenarios/no_identities.toml, many seeds.
 
 One instant each: that at which a carrier's frame is first found. It is judged against the truth,
-and against the frame that the right pairs of the very same tracks would have given.
+and against the frame that the right pairs of the very same tracks would have given. A share of the
+runs goes on for a minute: frames that are followed must come out better, and stay honest.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from sim_world.scenario import Scenario, load_scenario, with_overrides
 from sim_world.scenario.declared import origin_of
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "no_identities.toml"
-STEPS = 20
+STEPS, EARLY, MINUTE = 20, 6, 60
 NEAR_M = 1500.0
 """A track further than this from every target is of none."""
 
@@ -77,6 +78,51 @@ def figures(seed: int, runs: int) -> Iterator[Figure]:
     yield between(f"{name}: NEES/3", float(np.mean(scores)), low, high)
     yield told(f"{name}: location error", _rms(error[:, :2]), "m")
     yield told(f"{name}: median step of finding", float(np.median([f.step for f in found])))
+    yield from _followed(seed, max(count // 10, 2), name)
+
+
+def _followed(seed: int, count: int, name: str) -> Iterator[Figure]:
+    """Frames after a minute, against those just found."""
+    early, late = [], []
+    for number in range(count):
+        scenario = with_overrides(load_scenario(SCENARIO), {"seed": 1000 * seed + 500 + number})
+        for now in played(scenario, steps=MINUTE):
+            if now.closed.step in (EARLY, MINUTE):
+                (early if now.closed.step == EARLY else late).extend(_frames(scenario, now))
+    low, high = mean_interval(3, len(late), 0.99)
+    yield at_least(f"{name}: applied after a minute", _applied(late) / (2 * count), 1.0)
+    yield between(f"{name}: NEES/3 after a minute", _nees(late), low, high)
+    errors = [_rms(np.array([f.error[:2] for f in frames])) for frames in (early, late)]
+    yield told(f"{name}: location error after {EARLY} s", errors[0], "m")
+    yield told(f"{name}: location error after a minute", errors[1], "m")
+    yield at_most(
+        f"{name}: error after a minute by that after {EARLY} s", errors[1] / errors[0], 0.7
+    )
+
+
+class Followed(NamedTuple):
+    """A frame in the middle of a run."""
+
+    state: str
+    error: Array
+    covariance: Array
+
+
+def _frames(scenario: Scenario, now: Played) -> Iterator[Followed]:
+    """Every frame that is known at a step."""
+    for name, link in now.state.links.items():
+        if link.estimate is not None:
+            error = _error(scenario, now.carriers, now.state, name, link.estimate)
+            covariance = corrections.frame_of(link.estimate).covariance
+            yield Followed(link.monitor.state, error, covariance)
+
+
+def _applied(frames: list[Followed]) -> int:
+    return sum(f.state == "applied" for f in frames)
+
+
+def _nees(frames: list[Followed]) -> float:
+    return float(np.mean([nees(f.error, f.covariance) for f in frames])) / 3
 
 
 def first_found(scenario: Scenario, steps: int = STEPS) -> list[Found]:

@@ -89,6 +89,26 @@ class JointFrames:
         row = np.array([*frame.q_m, float(frame.D_rad), 0.0, 0.0, 0.0])
         return JointFrames(np.vstack([self.mean, row]), covariance)
 
+    def joined_through(
+        self, base: int, seen: OwnAxesFrame, sigma_drift_mps: float, sigma_bias_m: float
+    ) -> JointFrames:
+        """With one more carrier, the last, whose frame has been found in the axes of another.
+
+        Args:
+            base: in whose axes; its own error goes on to the new one and correlates them.
+            seen: (q, D) of the new one there.
+        """
+        frame, by_base, own_part = composed(self.frame(base), seen)
+        joined = self.joined_by(frame._replace(covariance=own_part), sigma_drift_mps, sigma_bias_m)
+        old = self.covariance.shape[0]
+        whole = np.zeros((3, old))
+        whole[:, _block(base)[:3]] = by_base
+        shared, covariance = whole @ self.covariance, joined.covariance.copy()
+        covariance[old : old + 3, :old] = shared
+        covariance[:old, old : old + 3] = shared.T
+        covariance[old : old + 3, old : old + 3] = frame.covariance
+        return JointFrames(joined.mean, covariance)
+
     def with_frame(self, carrier: int, frame: OwnAxesFrame) -> JointFrames:
         """A carrier's (q, D) found anew and independent of all else; its drift and bias stay."""
         block, mean, covariance = _block(carrier)[:3], self.mean.copy(), self.covariance.copy()
@@ -96,6 +116,23 @@ class JointFrames:
         covariance[block, :] = covariance[:, block] = 0.0
         covariance[np.ix_(block, block)] = frame.covariance
         return JointFrames(mean, covariance)
+
+
+def composed(base: OwnAxesFrame, seen: OwnAxesFrame) -> tuple[OwnAxesFrame, Array, Array]:
+    """A frame known in the axes of another, independent of it, in own axes.
+
+    Returns:
+        The frame; its derivative (3, 3) by the base; what of its covariance is not the base's.
+    """
+    turn = rotation_clockwise(base.D_rad)
+    away = turn @ seen.q_m
+    by_base, by_seen = np.eye(3), np.eye(3)
+    by_base[0, 2], by_base[1, 2] = away[1], -away[0]
+    by_seen[:2, :2] = turn
+    own_part = by_seen @ seen.covariance @ by_seen.T
+    covariance = by_base @ base.covariance @ by_base.T + own_part
+    frame = OwnAxesFrame(base.q_m + away, wrap_pi(base.D_rad + seen.D_rad), covariance)
+    return frame, by_base, own_part
 
 
 def own_alone(sigma_drift_mps: float, sigma_bias_m: float) -> JointFrames:

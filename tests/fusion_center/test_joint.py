@@ -178,6 +178,27 @@ def test_targets_that_the_own_carrier_does_not_see_help_too() -> None:
     assert sigma[0] < 0.8 * sigma[1]
 
 
+@pytest.mark.parametrize("names", [True, False])
+def test_a_carrier_that_shares_nothing_with_the_own_one_is_found_through_another(
+    names: bool,
+) -> None:
+    """Ship a sees six targets, c six others, b all: NEES of 3 dof over draws of everything."""
+    scores, seen = [], {"a": range(7), "b": range(14), "c": range(7, 14)}
+    for seed in range(12):
+        rng = np.random.default_rng([3, seed])
+        scene = two_ships(14, seed=seed, identities=names, tracks=names)
+        c = Ship("c", at_m=(12_000.0, -4000.0))
+        scene = drawn(replace(scene, ships=(*scene.ships, c)), rng)
+        state = scene.initial()
+        for step in range(1, 10):
+            said = [only(m, seen[m.carrier]) for m in scene.said(step, rng)]
+            state, out = pipeline.step(state, closed(step, said), said)
+        assert correction(out, "c").state == "applied"
+        scores.append(own_axes_score(correction(out, "c"), scene.truth("c", 9)))
+    low, high = mean_interval(3, len(scores), 0.999)
+    assert 0.6 * low < np.mean(scores) < high
+
+
 def only(message: Any, which: Iterable[int]) -> Any:
     """A report of some of the targets."""
     if message.stream != "radar":
