@@ -73,30 +73,33 @@ def equations_differ(seed: int, draws: int = 1000) -> float:
 
 
 def figure_two(seed: int, draws: int) -> Array:
-    """(draws,) sample correlations over 600 s of two users' errors along their lines of sight.
+    """(draws,) sample correlations over 600 s of the errors of `two_users`."""
+    errors = two_users(seed, draws)
+    centred = errors - errors.mean(axis=0)
+    size = np.sqrt(np.einsum("tnj,tnj->nj", centred, centred).prod(axis=1))
+    correlations: Array = np.einsum("tn,tn->n", centred[..., 0], centred[..., 1]) / size
+    return correlations
 
-    The users range a controller at 25 deg from each other; its error of 30 m with a memory of 600 s
-    is in both, with noise of their own: 5 m a range, averaged by filters of 20 s memory.
+
+def two_users(seed: int, draws: int) -> Array:
+    """(steps, draws, 2) errors of two users along their lines of sight to one controller.
+
+    The users range the controller at 25 deg from each other; its error of 30 m with a memory of
+    600 s is in both, with noise of their own: 5 m a range, averaged by filters of 20 s memory.
     """
     rng = np.random.default_rng([seed, 31])
     sigma, memory = hierarchy.CONTROLLER_ERROR
     steps = round(hierarchy.DURATION_S / hierarchy.INTERVAL_S)
     kept = np.exp(-hierarchy.INTERVAL_S / memory)
-    error = sigma * rng.standard_normal((draws, 2))
-    seen_by, noise = np.empty((steps, draws, 2)), np.zeros((draws, 2))
     angle = 25 * hierarchy.DEG
     units = np.array([[1.0, 0.0], [np.cos(angle), np.sin(angle)]])
+    error, noise = sigma * rng.standard_normal((draws, 2)), np.zeros((draws, 2))
+    errors = np.empty((steps, draws, 2))
     for step in range(steps):
-        fresh = rng.standard_normal((draws, 2))
-        error = kept * error + sigma * np.sqrt(1 - kept**2) * fresh
+        error = kept * error + sigma * np.sqrt(1 - kept**2) * rng.standard_normal((draws, 2))
         noise += _FORGETS * (hierarchy.SIGMA_M * rng.standard_normal((draws, 2)) - noise)
-        seen_by[step] = error @ units.T + noise
-    centred = seen_by - seen_by.mean(axis=0)
-    products = np.einsum("tnj,tnj->nj", centred, centred).prod(axis=1)
-    correlations: Array = np.einsum("tn,tn->n", centred[..., 0], centred[..., 1]) / np.sqrt(
-        products
-    )
-    return correlations
+        errors[step] = error @ units.T + noise
+    return errors
 
 
 def fifty(seed: int, users: int = 50, heard: int = 4) -> float:
