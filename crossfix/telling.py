@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import time
 from typing import Literal, TypeVar
 
 from msgspec import Struct
@@ -13,6 +14,7 @@ from schemas.errors import BusError, CrossfixError
 from schemas.messages import PlayerCommand, PlayerStatus, RecorderCommand, RecorderStatus
 
 ANSWER_S = 5.0
+PAUSE_S = 0.1
 NS = 10**9
 LEAST_UNIX_NS = 10**15
 """A smaller number is seconds from the start of a recording."""
@@ -23,23 +25,31 @@ T = TypeVar("T", bound=Struct)
 def ask(
     bus: Bus, run: str, who: str, command: Command, value: str | None, last_s: float
 ) -> PlayerStatus | RecorderStatus:
-    """The answer of a process to a command.
+    """The answer of a process to a command; one that is just starting is given some seconds.
 
     Raises:
         CrossfixError: the command does not go with its value.
         BusError: nobody of that name answered.
     """
+    deadline_s = time.monotonic() + ANSWER_S
+    while (answer := _asked(bus, run, who, command, value, last_s)) is None:
+        if time.monotonic() > deadline_s:
+            raise BusError(
+                f"no recorder or replay `{who}` in run `{run}` answered",
+                expected="--run, --connect",
+            )
+        time.sleep(PAUSE_S)
+    return answer
+
+
+def _asked(
+    bus: Bus, run: str, who: str, command: Command, value: str | None, last_s: float
+) -> PlayerStatus | RecorderStatus | None:
     if command == "pause" or command == "resume" or command == "status":  # noqa: PLR1714 - mypy
-        asked: PlayerStatus | RecorderStatus | None = _first(bus, run, who, command)
-    elif command == "split" or command == "snapshot":  # noqa: PLR1714 - mypy
-        asked = _recorder(bus, run, who, _to_recorder(command, value, last_s))
-    else:
-        asked = _player(bus, run, who, _to_player(bus, run, who, command, value))
-    if asked is None:
-        raise BusError(
-            f"no recorder or replay `{who}` in run `{run}` answered", expected="--run, --connect"
-        )
-    return asked
+        return _first(bus, run, who, command)
+    if command == "split" or command == "snapshot":  # noqa: PLR1714 - mypy
+        return _recorder(bus, run, who, _to_recorder(command, value, last_s))
+    return _player(bus, run, who, _to_player(bus, run, who, command, value))
 
 
 def described(answer: PlayerStatus | RecorderStatus) -> str:

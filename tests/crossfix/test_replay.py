@@ -9,7 +9,8 @@ import pytest
 from schemas import codec, keys
 from schemas.bus.interface import Bus, Inbox, Sample
 from schemas.bus.zenoh_bus import open_bus
-from tests.crossfix.conftest import Crossfix
+from schemas.recording.reader import open_recording, output_bytes
+from tests.crossfix.conftest import Crossfix, started
 from tests.crossfix.small_recording import Entry, record
 
 DEADLINE_S = 20.0
@@ -94,3 +95,22 @@ def test_a_rate_that_is_none_is_refused(path: Path, rate: str, crossfix: Crossfi
     shown = crossfix("replay", path, f"--rate={rate}")
     assert shown.code == 2
     assert "--rate" in shown.err
+
+
+@pytest.mark.live
+@pytest.mark.timeout(120)
+def test_two_replays_into_a_fusion_centre_give_the_recorded_bytes(
+    path: Path, tmp_path: Path, hub: str
+) -> None:
+    entries = record(path)
+    outputs = [e for e in entries if keys.parse(e.key).topic.role is keys.Role.OUTPUT]
+    for rate in ("max", "20"):
+        again = tmp_path / f"{rate}.mcap"
+        at = ("--run", f"again{rate}", "--connect", hub)
+        with started("fusion", *at, "--output", str(again)) as fusion:
+            with started("replay", str(path), *at, "--as-world", "--rate", rate) as replay:
+                assert replay.wait(DEADLINE_S) == 0, replay.communicate()[1]
+            assert fusion.wait(DEADLINE_S) == 0
+        with open_recording(again) as recording:
+            found = sorted(payload for _, payload in output_bytes(recording))
+        assert found == sorted(codec.encode(entry.message) for entry in outputs)
