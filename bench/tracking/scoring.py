@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -43,7 +44,7 @@ def score(scene: Scene, run: Run, from_s: float = _SETTLED_S) -> Score:
     pairs = matched_over_time(truth, tracks, _CUT_M)
     return Score(
         float(total.distance.mean()),
-        float(rms(pairs.distance)),
+        float(rms(pairs.distance)) if len(pairs.distance) else math.nan,
         float(total.missed_count.mean()),
         float(total.false_count.mean()),
         identity_changes(
