@@ -17,6 +17,7 @@ from schemas.received import receive
 
 from .counts import UNKNOWN, StreamCounts
 from .lives import Door, Everyone, Known
+from .timeline import BACK_NS
 
 log = logging.getLogger("fusion")
 
@@ -212,7 +213,7 @@ class Ingest:
 
     def _judge_stamps(self, closed: Closed, messages: Iterable[Input]) -> None:
         """Count what the pipeline will not fuse for its stamp."""
-        earliest = self._closed_ns - self._tolerance_ns
+        earliest = self._closed_ns - self._tolerance_ns - BACK_NS
         latest = closed.t_ns + self._tolerance_ns
         for message in messages:
             if isinstance(message, SourceInfo) or earliest <= message.t_ns <= latest:

@@ -3,8 +3,8 @@
 A Closed is fused instant by instant, in the order of the stamps. Reports of several carriers make a
 *report event* (see `windows`, or `memoryless` for the baselines): frames are found or followed, at
 one instant, from what was seen about it. So the estimates and their monitors depend on what was
-said of which instant, and not on how time was cut into Closed messages. Only messages that come in
-a later Closed than younger ones already fused are another matter: they would need a rollback.
+said of which instant, and not on how time was cut into Closed messages. Messages that come in a
+later Closed than younger ones already fused are put in their place, see `rollback`.
 
 A Correction of every other carrier is published with every Closed. Where there was no report event
 it repeats the last one; `valid_t_ns` says for when it holds.
@@ -31,12 +31,13 @@ from schemas.messages import (
     Tracks,
 )
 
-from . import joint, memoryless, picture, timeline
+from . import joint, memoryless, picture, rollback, timeline
 from .intake import absorb, take_part
 from .links import status
 from .monitor import sentence
 from .orders import carry_out
 from .quality import Tally
+from .rollback import Course
 from .settings import Settings
 from .state import State
 from .timeline import Batch
@@ -101,16 +102,25 @@ def step(state: State, closed: Closed, messages: Sequence[Input | Event]) -> tup
     tally = _not_fused(batch, closed)
 
     # per-source tracks -> report events (frames: searched for, then followed together) -> picture
-    frames = _FRAMES[state.settings.registration.method]
-    for instant in batch.instants:
-        state = frames.before(state, instant, tally)
-        for message in instant.messages:
-            state = absorb(state, message, tally)
-        state = frames.after(state, tally)
-        state = picture.with_reports(state, instant)
+    course = rollback.course(state, batch.instants)
+    state = course.state
+    for instant in course.instants:
+        state = _fused(rollback.remembered(state, instant), instant, course, tally)
 
     # what is known at the closing
-    return _published(state, closed, batch, tally)
+    return _published(rollback.settled(state), closed, batch, tally)
+
+
+def _fused(state: State, instant: timeline.Instant, course: Course, tally: Tally) -> State:
+    """The state after one instant; what is fused again is not counted again."""
+    frames, silent = _FRAMES[state.settings.registration.method], Tally()
+    news = instant.t_ns > course.until_ns or any(map(course.is_new, instant.messages))
+    of_event = tally if news else silent
+    state = frames.before(state, instant, of_event)
+    for message in instant.messages:
+        state = absorb(state, message, tally if course.is_new(message) else silent)
+    state = frames.after(state, of_event)
+    return picture.with_reports(state, instant)
 
 
 def _not_fused(batch: Batch, closed: Closed) -> Tally:

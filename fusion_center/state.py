@@ -266,6 +266,19 @@ class Drawn(Struct, frozen=True, kw_only=True, eq=False):
     notes: dict[str, Notes] = {}
 
 
+class Past(Struct, frozen=True, kw_only=True, eq=False):
+    """One instant that has been fused, in case something older still comes.
+
+    Attributes:
+        before: the state until then, without a past; only some instants keep it.
+        messages: names of their types, and payloads.
+    """
+
+    t_ns: int
+    before: State | None
+    messages: tuple[tuple[str, bytes], ...]
+
+
 class State(Struct, frozen=True, kw_only=True):
     """The whole memory of the fusion.
 
@@ -273,6 +286,7 @@ class State(Struct, frozen=True, kw_only=True):
         own: the carrier whose frame is the gauge.
         window: sources that have reported since the last report event, carrier/source -> when.
         frames: of the carriers that are followed; None while there is none.
+        past: the last few seconds, oldest first, for what comes late.
         published: messages so far, by key.
     """
 
@@ -287,6 +301,7 @@ class State(Struct, frozen=True, kw_only=True):
     window: dict[str, int] = {}
     frames: Frames | None = None
     picture: Drawn = Drawn()
+    past: tuple[Past, ...] = ()
     published: dict[str, int] = {}
 
     def declared(self, carrier: str) -> DeclaredCarrier | None:

@@ -19,6 +19,8 @@ SPANS_KEPT = 1000
 """Spans given up beyond what a manifest has reached yet."""
 
 
+BACK_NS = 2_000_000_000
+"""How much later than clocks may be wrong a message may come and still be fused."""
 _Identity = tuple[str, str, str, int]
 _MOST = 2**62
 """What a count may come to; a stream may be given up in spans of any length."""
@@ -60,7 +62,9 @@ def take(
 ) -> tuple[Timeline, Batch]:
     """Sort out what a Closed names; whatever else is among the messages is left alone.
 
-    A SourceInfo is never late or early: it tells what a source is, not what was at an instant.
+    What comes later than others of its time is fused all the same, if it is not older than
+    `max_clock_error_s` and `BACK_NS` before the last closing; see `rollback`. A SourceInfo is
+    never late or early: it tells what a source is, not what was at an instant.
 
     Raises:
         ValueError: a message that the Closed names is not there; the caller must wait for it, or
@@ -72,21 +76,22 @@ def take(
     tolerance_ns = round(max_clock_error_s * 1e9)
     on_time: list[Input] = []
     future: list[Input] = []
-    late = [m for name, m in sorted(inputs.items()) if _is_in(closed.late, name)]
-    late_count = _size(closed.late)
-    for message in _all_of(named(timeline, closed), inputs):
+    late: list[Input] = []
+    stragglers = [m for name, m in sorted(inputs.items()) if _is_in(closed.late, name)]
+    for message in (*_all_of(named(timeline, closed), inputs), *stragglers):
         if isinstance(message, SourceInfo):
             on_time.append(message)
-        elif message.t_ns < timeline.t_ns - tolerance_ns:
+        elif message.t_ns < timeline.t_ns - tolerance_ns - BACK_NS:
             late.append(message)
-            late_count += 1
         elif message.t_ns > closed.t_ns + tolerance_ns:
             future.append(message)
         else:
             on_time.append(message)
     events.sort(key=lambda event: event.seq)
-    instants = _instants(after, on_time)
-    return after, Batch(events, instants, late, future, late_count, _size(closed.gave_up))
+    missing = _size(closed.late) - len(stragglers)
+    return after, Batch(
+        events, instants(after, on_time), late, future, len(late) + missing, _size(closed.gave_up)
+    )
 
 
 def named(timeline: Timeline, closed: Closed) -> list[StreamSpan]:
@@ -145,7 +150,7 @@ def ordinal(timeline: Timeline, carrier: str, boot: str) -> int:
     return life.count - (len(life.recent) - 1 - life.recent.index(boot))
 
 
-def _instants(timeline: Timeline, messages: Iterable[Input]) -> list[Instant]:
+def instants(timeline: Timeline, messages: Iterable[Input]) -> list[Instant]:
     """Messages by instant, in the one order that counts.
 
     At one instant the reserved streams come first: a report is placed by its carrier's navigation.

@@ -155,7 +155,7 @@ def test_nothing_fused_is_held_and_nothing_unclaimed_for_ever() -> None:
     assert len(held) == 0
 
 
-def test_late_messages_are_waited_for_and_counted() -> None:
+def test_late_messages_are_waited_for_and_fused_in_their_place() -> None:
     scene = two_ships(8)
     (first, said), (second, more) = told(scene, 2)
     straggler = next(m for m in said if m.carrier == "b" and m.stream == "radar")
@@ -166,8 +166,9 @@ def test_late_messages_are_waited_for_and_counted() -> None:
     outputs = list(fuse(sequence))
     quality = outputs[1][-1].message
     rows = {row.carrier: row for row in quality.sources}  # type: ignore[attr-defined]
-    assert (rows["a"].late, rows["b"].late) == (0, 8)
-    assert quality.late == 1  # type: ignore[attr-defined]
+    assert (rows["a"].late, rows["b"].late) == (0, 0)
+    assert (rows["a"].logs, rows["b"].logs) == (8, 16)
+    assert quality.late == 0  # type: ignore[attr-defined]
     assert correction(outputs[0]).pairs == 0
     assert correction(outputs[1]).pairs == 8
 

@@ -99,12 +99,12 @@ def test_an_identity_claimed_twice_pairs_with_nothing_and_is_flagged() -> None:
 
 def test_late_and_future_reports_are_counted_and_not_fused() -> None:
     scene = two_ships(8)
-    state, _ = scene.run(3)
+    state, _ = scene.run(5)
     late, future = (changed(m, t_ns=stamp(t)) for m, t in
-                    zip(scene.said(4)[1::2], (1.5, 5.5), strict=True))  # fmt: skip
+                    zip(scene.said(6)[1::2], (1.5, 7.5), strict=True))  # fmt: skip
     assert (late.stream, future.stream) == ("radar", "radar")
     said = [late, future]
-    after, outputs = pipeline.step(state, closed(4, said), said)
+    after, outputs = pipeline.step(state, closed(6, said), said)
     assert (of_radar(outputs, "a").logs, of_radar(outputs, "a").late) == (0, 8)
     assert quality(outputs).late == 1
     assert quality(outputs).messages == 0

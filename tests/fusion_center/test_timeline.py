@@ -90,18 +90,20 @@ def test_a_named_message_that_is_missing_is_the_callers_error() -> None:
         take(Timeline(), now, [report(1)], 1.0)
 
 
-def test_late_spans_are_counted_and_not_fused() -> None:
+def test_late_spans_are_fused_in_their_place() -> None:
     first = Closed(step=1, t_ns=stamp(2), manifest=[end(2)], gave_up=[span(1, 1)])
     after, _ = take(Timeline(), first, [report(2)], 1.0)
     second = Closed(step=2, t_ns=stamp(3), manifest=[end(3)], late=[span(1, 1)])
     _, batch = take(after, second, [report(1), report(3)], 1.0)
-    assert [seqs(instant.messages) for instant in batch.instants] == [[3]]
-    assert seqs(batch.late) == [1]
-    assert batch.late_count == 1
+    assert [seqs(instant.messages) for instant in batch.instants] == [[1], [3]]
+    assert batch.late == []
+    assert batch.late_count == 0
+    _, lost = take(after, second, [report(3)], 1.0)
+    assert lost.late_count == 1
 
 
 @pytest.mark.parametrize(
-    ("t_s", "verdict"), [(3.0, "late"), (4.0, "fused"), (7.0, "fused"), (7.001, "future")]
+    ("t_s", "verdict"), [(1.999, "late"), (2.0, "fused"), (7.0, "fused"), (7.001, "future")]
 )
 def test_stamps_too_far_from_the_closings_are_not_fused(t_s: float, verdict: str) -> None:
     after = close(Timeline(), Closed(step=1, t_ns=stamp(5)))

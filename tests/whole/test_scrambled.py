@@ -25,7 +25,7 @@ def quiet(scenario: Scenario, tmp_path_factory: pytest.TempPathFactory) -> list[
     with MemoryNetwork() as network:
         MemoryRun(scenario, network, path).carry_out()
     recorded = outputs(path)
-    assert len(recorded) == 30 * 3
+    assert len(recorded) == 30 * 4
     return recorded
 
 
