@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from pathlib import Path
 from typing import Any
 
@@ -136,3 +137,43 @@ def test_messages_beside_the_chunks_of_an_indexed_file_are_missed_aloud(path: Pa
         recording.index = index._replace(spans=[], counts=index.counts)
         with pytest.raises(RecordingError, match="index and messages disagree"):
             list(recording.messages())
+
+
+def read_as_far_as_it_goes(path: Path) -> tuple[list[Written], RecordingError | None]:
+    found: list[Written] = []
+    try:
+        with open_recording(path) as recording:
+            found.extend(Written(*message[1:]) for message in recording.messages())
+    except RecordingError as error:
+        return found, error
+    return found, None
+
+
+@every_form
+def test_cut_anywhere_they_give_a_prefix(path: Path, form: Any) -> None:
+    write_plainly(path, STREAM, **form)
+    whole = path.read_bytes()
+    for length in sorted(random.Random(5).sample(range(len(whole)), 60)):
+        path.write_bytes(whole[:length])
+        found, error = read_as_far_as_it_goes(path)
+        assert found == STREAM[: len(found)]
+        if error is None:
+            assert summary(path).condition != ""
+
+
+@every_form
+def test_an_altered_bit_is_an_error_or_changes_nothing_that_has_a_checksum(
+    path: Path, form: Any
+) -> None:
+    """Where a writer gave no checksum, nobody can tell; where it did, no wrong number comes out."""
+    write_plainly(path, STREAM, **form)
+    whole, rng = path.read_bytes(), random.Random(6)
+    has_checksums = form.get("enable_crcs", True) and form.get("use_chunking", True)
+    for _ in range(60):
+        altered = bytearray(whole)
+        altered[rng.randrange(8, len(whole))] ^= 1 << rng.randrange(8)
+        path.write_bytes(altered)
+        found, error = read_as_far_as_it_goes(path)
+        if has_checksums:
+            assert found == STREAM[: len(found)]
+            assert error is not None or len(found) == len(STREAM)
