@@ -67,6 +67,26 @@ def losses(summary: Summary) -> str:
     return f"{end.dropped} dropped by the recorder, {end.gaps} never arrived, of {end.received}"
 
 
+def part(summary: Summary) -> str:
+    """Which part of a recording in several files it is, in words."""
+    return f", part {summary.header.part}" if summary.header.part else ""
+
+
+def lost_by_key(summary: Summary) -> dict[str, str]:
+    """What never came into the file of each key, in words; of whole keys nothing."""
+    found = {}
+    for row in summary.statistics.keys if summary.statistics else ():
+        counts = {
+            "dropped": row.dropped,
+            "never arrived": row.gaps,
+            "refused": row.rejected,
+            "passed over": row.passed_over if row.recorded else 0,
+        }
+        if words := [f"{count} {what}" for what, count in counts.items() if count]:
+            found[row.key] = ", ".join(words)
+    return found
+
+
 def refusals(summary: Summary) -> str:
     """Whose messages were refused for what they held, and why, in words."""
     if summary.end is None:
@@ -91,7 +111,7 @@ def _facts(summary: Summary) -> RenderableType:
     header = summary.header
     facts = {
         "recording": f"{summary.path}, {_bytes(summary.bytes)}, {summary.messages} messages",
-        "run": f"{header.run}, scenario {header.scenario or 'unknown'}",
+        "run": f"{header.run}{part(summary)}, scenario {header.scenario or 'unknown'}",
         "scenario time": f"{_instant(summary.start_ns)} for {duration_s(summary):.1f} s",
         "recorded": f"{_instant(header.created_ns)} by crossfix {_version(summary)}",
         "ending": ending(summary),
@@ -112,6 +132,9 @@ def _channels(summary: Summary) -> RenderableType:
     table = Table("channel", "role", "message", box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("messages", justify="right")
     table.add_column("Hz", justify="right")
+    lost = lost_by_key(summary)
+    if lost:
+        table.add_column("not recorded")
     span_s = duration_s(summary)
     for channel in summary.channels:
         table.add_row(
@@ -120,6 +143,7 @@ def _channels(summary: Summary) -> RenderableType:
             channel.message.removeprefix("crossfix."),
             str(channel.messages),
             f"{channel.messages / span_s:.2f}" if span_s > 0 else "",
+            *([lost.get(channel.key, "")] if lost else []),
         )
     return table
 

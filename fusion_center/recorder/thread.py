@@ -298,10 +298,9 @@ class Recorder:
         if now_s - self._statistics_s < STATISTICS_S:
             return
         self._statistics_s = now_s
-        self._tell()
+        self._tell(self._statistics(self._rows.news(self._inbox.dropped.copy())))
 
-    def _tell(self) -> None:
-        statistics = self._statistics(self._rows.news(self._inbox.dropped.copy()))
+    def _tell(self, statistics: Statistics) -> None:
         self._watched(lambda: self._writer.write_statistics(statistics))
 
     def _statistics(self, rows: list[KeyStatistics]) -> Statistics:
@@ -318,7 +317,7 @@ class Recorder:
         )
 
     def _end(self) -> RunEnd:
-        self._tell()
+        self._tell(self.statistics())
         return RunEnd(
             reason=self._reason,
             received=self._taken + self._inbox.drops,

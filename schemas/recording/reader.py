@@ -153,6 +153,17 @@ class Recording:
                 if channel in named:
                     yield codec.decode(m.Statistics, payload)
 
+    def last_statistics(self) -> m.Statistics | None:
+        """The recorder's last counts, at its end those of every key; found by the index."""
+        named = {c.id for c in self.index.channels.values() if c.topic == STATISTICS}
+        others = self.index.channels.keys() - named
+        for span in sorted(self.index.spans, reverse=True):
+            if not span.is_only_of(others):
+                told = [raw[4] for raw in self._raw(span) if raw[0] in named]
+                if told:
+                    return codec.decode(m.Statistics, told[-1])
+        return None
+
     def check(self) -> None:
         """Read everything once and hold it against every CRC there is.
 
@@ -295,6 +306,7 @@ def summary(path: Path | str) -> Summary:
             end_ns=max((span.end_ns for span in index.spans), default=0),
             channels=channel_summaries(index),
             attachments=tuple(recording.attachments),
+            statistics=recording.last_statistics() if recording.end else None,
         )
 
 

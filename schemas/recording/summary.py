@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from mcap.records import Channel
 
+from ..messages import Statistics
 from .contents import RunEnd, RunHeader
 from .index import Index
 
@@ -36,6 +37,7 @@ class Summary(NamedTuple):
         start_ns, end_ns: first and last log time; 0 where there is no message.
         channels: by key.
         attachments: names.
+        statistics: the recorder's counts of every key; None where it never came to its end.
     """
 
     path: str
@@ -48,6 +50,7 @@ class Summary(NamedTuple):
     end_ns: int
     channels: tuple[ChannelSummary, ...]
     attachments: tuple[str, ...]
+    statistics: Statistics | None = None
 
 
 def channel_summaries(index: Index) -> tuple[ChannelSummary, ...]:

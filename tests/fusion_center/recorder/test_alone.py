@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from crossfix.commands.info import lost_by_key
 from fusion_center.recorder import How, Wanted, require_wanted
 from fusion_center.recorder.alone import RecorderAlone, record_whatever
 from schemas import codec, keys
@@ -28,7 +29,7 @@ from schemas.messages import (
     Step,
 )
 from schemas.recording.parts import Limits, Safety
-from schemas.recording.reader import open_recording
+from schemas.recording.reader import open_recording, summary
 from tests.bad_input.test_flood import SCENARIO
 
 RUN = SCENARIO.name
@@ -276,3 +277,16 @@ def test_two_of_one_name_are_one_too_many(network: MemoryNetwork, path: Path) ->
         assert isinstance(second.errors[0], BusError)
         assert "--as" in str(second.errors[0])
         alone.say()
+
+
+def test_what_was_lost_by_key_stands_in_the_file_and_is_shown(
+    network: MemoryNetwork, path: Path
+) -> None:
+    with recording(network, path) as alone:
+        alone.say(3)
+        alone.publish(keys.REPORT, ("alpha", "radar"), Step(boot="w", step=1, t_ns=1))
+        alone.until(lambda: alone.received("report") == 4)
+    found = summary(path)
+    assert found.statistics is not None
+    assert sum(row.received for row in found.statistics.keys) == found.statistics.received
+    assert lost_by_key(found) == {keys.REPORT.key(RUN, "alpha", "radar"): "1 refused"}
