@@ -14,6 +14,8 @@ from bench.bearings_only.scenes import KINDS, benchmark, ensemble
 from bench.bearings_only.unknown import seed_errors
 from bench.figures import Figure
 from estimation.bearings_only import n_bearings, n_polynomials
+from sim_world.scenario import load_scenario
+from tests.project.tree import ROOT
 
 BOUNDS = {  # range at the last bearing [%], limits 10' and 60', as the demands page has them
     "S": {"A": (0.97, 5.8), "B": (1.04, 6.3), "C": (2.7, 16.2), "D": (2.2, 13.1)},
@@ -84,3 +86,11 @@ def test_the_bench_runs_small() -> None:
     held = {f["name"]: f["holds"] for f in json.loads(done.stdout)["figures"]}
     assert held["both kinds of polynomials: tracks apart"]
     assert held["rotated form against pseudo-linear form, relative"]
+
+
+def test_the_passive_scenario_has_what_the_paper_asks() -> None:
+    scenario = load_scenario(ROOT / "scenarios" / "passive.toml")
+    sensors = [sensor for carrier in scenario.file.carriers for sensor in carrier.sensors]
+    assert [sensor.coordinates for sensor in sensors] == ["bearing", "bearing"]
+    motions = {type(target.motion).__name__ for target in scenario.file.targets}
+    assert motions == {"ConstantVelocity", "ConstantAcceleration", "CoordinatedTurn"}
