@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.in_process import Played, played
 from crossfix.tracking_errors import PictureError, picture_errors, summarise_picture
 from fusion_center.state import pack, unpack
 from schemas.messages import Navigation, Tracks
 from sim_world.scenario import Scenario, load_scenario, with_overrides
-from tests.whole.in_process import Played, played
 
 STRAIT = load_scenario(Path(__file__).parents[2] / "scenarios" / "strait.toml")
 STEPS = 90
