@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.arrays import Array
+from estimation.bordered import factor, inverse, normal_equations
 from estimation.consistency import nees, rms
 from estimation.system_alignment import (
     Alignment,
@@ -22,6 +23,7 @@ from estimation.system_alignment import (
     prior,
     ranges,
 )
+from estimation.system_alignment.model import Model
 from estimation.system_alignment.parameters import WIND
 
 DEG = np.pi / 180
@@ -130,7 +132,8 @@ class Score(NamedTuple):
 
     Attributes:
         errors: (N, 7 + 4 J).
-        variances: (N, 7 + 4 J) as stated.
+        variances: (N, 7 + 4 J) of the posterior bound: as any method would state them if it
+            linearised at the truth.
         nees: (N,) by dimension.
         solved: (N,).
     """
@@ -144,8 +147,8 @@ class Score(NamedTuple):
         """Of the coordinates "xy" or "z", the wind "W" or the offsets "d"."""
         return float(rms(self.errors[:, self._columns(what)]))
 
-    def stated(self, what: str) -> float:
-        """The sigma that the covariance states: of the MAP, at its point, the posterior bound."""
+    def bound(self, what: str) -> float:
+        """The posterior bound of the same."""
         return float(np.sqrt(self.variances[:, self._columns(what)].mean()))
 
     def mirrored(self) -> int:
@@ -162,6 +165,7 @@ class Score(NamedTuple):
 
 def score(flights: Iterable[Flight], method: Callable[[Flight], Alignment]) -> Score:
     """Errors, stated variances and NEES of a method."""
+    flights = list(flights)
     pairs = [(method(flown), flown) for flown in flights]
     errors = np.array([found.theta - truth_of(flown) for found, flown in pairs])
     free = [flown.prior.free for _, flown in pairs]
@@ -171,10 +175,19 @@ def score(flights: Iterable[Flight], method: Callable[[Flight], Alignment]) -> S
     ]
     return Score(
         errors,
-        np.array([np.diag(found.covariance) for found, _ in pairs]),
+        np.array([bound_of(flown) for flown in flights]),
         np.array(normalised),
         np.array([found.status == "solved" for found, _ in pairs]),
     )
+
+
+def bound_of(flown: Flight) -> Array:
+    """(7 + 4 J,) variances of the constants when everything is linearised at the truth."""
+    model, free = Model(flown.path, flown.logs, flown.prior), flown.prior.free
+    normal = normal_equations(model(flown.truth.path_m, truth_of(flown)[free]))
+    variances = np.zeros(len(flown.prior.mean))
+    variances[free] = np.diag(inverse(factor(normal).information))
+    return variances
 
 
 def aligned(flown: Flight) -> Alignment:

@@ -167,7 +167,8 @@ class Outcome(NamedTuple):
 
     Attributes:
         place_m: (C, 2) absolute.
-        relative_m: (C - 1, 2) from the first carrier.
+        relative_m: (C - 1, 2) from the own carrier.
+        smoothed_m: (n, C - 1, 2) the same at every epoch.
         heading_rad: (C - 1,) of the others.
         log_time_s: (C,).
         nees: of the last places, headings and log times together, by dimension.
@@ -176,6 +177,7 @@ class Outcome(NamedTuple):
 
     place_m: Array
     relative_m: Array
+    smoothed_m: Array
     heading_rad: Array
     log_time_s: Array
     nees: float
@@ -184,7 +186,8 @@ class Outcome(NamedTuple):
 
 def outcome(found: Solved, truth: Truth) -> Outcome:
     """A solution against the truth."""
-    place = found.carriers_m[-1] - truth.places_m[-1]
+    places = found.carriers_m - truth.places_m
+    place, apart = places[-1], places[:, 1:] - places[:, OWN, None]
     heading = wrap_pi(found.constants[:, HEADING] - truth.heading_rad)
     late = found.constants[:, LOG_TIME] - truth.log_time_s
     which = [constant(c, i) for i in (HEADING, LOG_TIME) for c in range(CARRIERS)]
@@ -195,7 +198,7 @@ def outcome(found: Solved, truth: Truth) -> Outcome:
     error = np.concatenate([place.ravel(), heading[1:], late])
     normalised = float(nees(error, covariance[np.ix_(index, index)])) / len(error)
     settled = found.status == "solved"
-    return Outcome(place, place[1:] - place[OWN], heading[1:], late, normalised, settled)
+    return Outcome(place, apart[-1], apart, heading[1:], late, normalised, settled)
 
 
 def outcomes(seed: int, runs: int) -> list[Outcome]:
@@ -213,6 +216,8 @@ def figures(seed: int, runs: int) -> Iterator[Figure]:
     late = float(rms([o.log_time_s for o in found]))
     own = float(rms([o.place_m for o in found]))
     yield at_most("system: relative position, per axis", relative, 6, "m")
+    smoothed = float(rms([o.smoothed_m for o in found]))
+    yield told("system: relative position over the whole run, smoothed", smoothed, "m")
     yield at_most("system: heading", heading, 0.05, "deg")
     yield at_most("system: log clock", late, 0.045, "s")
     yield at_most("system: own position, per axis", own, 6.5, "m")

@@ -55,7 +55,7 @@ def test_honest_and_near_the_bound(differences: bool) -> None:
     # 40 runs of 8 constants: NEES sigma .08, RMSE sigma some 8 %; three sigmas
     assert 0.76 < result.nees.mean() < 1.24
     for what in ("xy", "z", "W"):
-        assert result.rmse(what) < 1.25 * result.stated(what)
+        assert result.rmse(what) < 1.25 * result.bound(what)
 
 
 def test_works_from_the_first_range() -> None:
