@@ -1,8 +1,8 @@
 """Golden recordings: today's code repeats their outputs, or their results have moved.
 
-To the byte on the kind of machine that made them, to 1e-9 elsewhere. If a change of results is
-meant, `python -m tests.golden.make` fuses them again and tells what has moved; the reason belongs
-into the message of that commit.
+To the byte on the kind of machine that made them, within a tolerance elsewhere. If a change of
+results is meant, `python -m tests.golden.make` fuses them again and tells what has moved; the
+reason belongs into the message of that commit.
 """
 
 import pytest
@@ -14,7 +14,8 @@ from schemas import messages as m
 from schemas.recording.fingerprint import numeric_fingerprint
 from tests.golden.make import DURATION_S, GOLDENS, Golden
 
-ELSEWHERE = Rules(tolerance=1e-9)
+ELSEWHERE = (Rules(1e-9, ignored={"fixed_axes"}), Rules(1e-7))
+"""On another kind of machine; docs/decisions/0008 says why fixed axes have more room."""
 MOST_BYTES = 1_000_000
 by_name = pytest.mark.parametrize("golden", GOLDENS, ids=lambda golden: golden.name)
 
@@ -23,10 +24,11 @@ by_name = pytest.mark.parametrize("golden", GOLDENS, ids=lambda golden: golden.n
 def test_outputs_are_repeated(golden: Golden) -> None:
     with open_recording(golden.path) as recording:
         is_alike = recording.header.fingerprint == numeric_fingerprint()
-        compared = compare(recording, EXACT if is_alike else ELSEWHERE)
-    assert compared.difference is None
-    assert compared.beyond == 0
-    assert compared.equal >= DURATION_S * 3  # a correction, an association and a quality a step
+        for rules in (EXACT,) if is_alike else ELSEWHERE:
+            compared = compare(recording, rules)
+            assert compared.difference is None
+            assert compared.beyond == 0
+            assert compared.equal >= DURATION_S * 3  # a correction, an association, a quality
 
 
 @by_name
