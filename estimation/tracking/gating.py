@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -10,7 +12,7 @@ from estimation.tracking.imm import Bank
 from estimation.tracking.innovations import Common
 from estimation.tracking.measurements import Measurement, Probe, longest_axis
 
-_WIDTH = 2.0  # ratio of reaches looked up together
+_WIDTH, _FEW = 2.0, 500  # ratio of reaches looked up together, and tracks that always are
 
 
 def near(
@@ -66,9 +68,19 @@ def _looked_up(probe: Probe, reach: Array, members: Indices) -> list[tuple[Indic
         return []
     finite = np.flatnonzero(np.isfinite(probe.places).all(axis=-1))
     tree = cKDTree(probe.places[finite])
-    group = np.floor(np.log(reach[members]) / np.log(_WIDTH))
-    pairs = [_within(probe, tree, reach, members[group == g]) for g in np.unique(group)]
+    pairs = [_within(probe, tree, reach, members[group]) for group in _groups(reach[members])]
     return [(track, probe.plot[finite[place]]) for track, place in pairs]
+
+
+def _groups(reach: Array) -> Iterator[Indices]:
+    """Rows of about the same reach, or of a few whatever their reach."""
+    order = np.argsort(reach, kind="stable")
+    ascending, begin = reach[order], 0
+    while begin < len(order):
+        alike = int(np.searchsorted(ascending, _WIDTH * ascending[begin]))
+        end = max(alike, begin + _FEW)
+        yield order[begin:end]
+        begin = end
 
 
 def _within(

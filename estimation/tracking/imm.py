@@ -115,7 +115,8 @@ def _mixed(bank: Bank, share: Array) -> tuple[Array, Array]:
     apart = bank.mean[:, 1] - bank.mean[:, 0]
     mean = bank.mean[:, 0] + share[1] * apart
     spread = (apart[:, None] * apart) * (share[0] * share[1])
-    covariance = (bank.covariance * share).sum(axis=2) + spread
+    each = bank.covariance
+    covariance = each[:, :, 0] * share[0] + each[:, :, 1] * share[1] + spread
     return mean, covariance
 
 

@@ -74,8 +74,7 @@ class Polar(NamedTuple):
         across = np.stack([unit[1], -unit[0]]) * (self.range_m * self.sigma_bearing_rad)
         along = unit * self.sigma_range_m
         covariance = along[:, None] * along + across[:, None] * across
-        place = self.site_m[:, None] + unit * self.range_m
-        return Found(place, covariance, np.maximum(self.range_m, LEAST_M))
+        return Found(self._places(), covariance, np.maximum(self.range_m, LEAST_M))
 
     def beside(self, mean: Array) -> list[Row]:
         """See `Measurement`."""
@@ -92,8 +91,13 @@ class Polar(NamedTuple):
         noise = np.stack([np.full_like(far, most(self.sigma_range_m)), far * self._widest_rad()])
         one = np.ones_like(far)
         spread = longest_axis(covariance_m2).max(axis=0) + noise.max(axis=0) ** 2
-        plane = Probe(self.found().place_m.T, np.arange(self.size), place_m.T, spread, one, one)
+        plane = Probe(self._places().T, np.arange(self.size), place_m.T, spread, one, one)
         return [plane, self._by_sigmas(away / far, far, covariance_m2, np.maximum(noise, 1e-6))]
+
+    def _places(self) -> Array:
+        unit = np.stack([np.sin(self.bearing_rad), np.cos(self.bearing_rad)])
+        placed: Array = self.site_m[:, None] + unit * self.range_m
+        return placed
 
     def _widest_rad(self) -> float:
         return max(most(self.sigma_bearing_rad), 1e-9)
@@ -104,7 +108,8 @@ class Polar(NamedTuple):
         Not for tracks that may reach beyond those copies: to them a unit of area is infinite.
         """
         axes = np.stack([unit, np.stack([unit[1], -unit[0]])]) / noise[:, None]
-        turned = np.einsum("abn,bcmn,dcn->admn", axes, covariance_m2, axes, optimize=True)
+        half = np.einsum("abn,bcmn->acmn", axes, covariance_m2)
+        turned = np.einsum("acmn,dcn->admn", half, axes)
         spread = 1.0 + longest_axis(turned).max(axis=0)
         step = self._widest_rad()
         bearing, plot = _unrolled(wrap_pi(self.bearing_rad))
