@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2 as chi2_distribution
+from scipy.special import chdtrc
 
 from estimation.arrays import Array
 from estimation.bordered import Solution, block_covariances, descend, last_covariance, minimise
@@ -254,7 +254,7 @@ def contradiction(prior: Prior, theta: Array, covariance: Array) -> PriorTest:
     each[free] = np.where(
         shrunk > _TELLS * sigma**2, moved / np.sqrt(np.maximum(shrunk, 1e-300)), 0.0
     )
-    probability = float(chi2_distribution.sf(chi2, dof)) if dof else 1.0
+    probability = float(chdtrc(dof, chi2)) if dof else 1.0
     return PriorTest(chi2, dof, probability, each)
 
 
