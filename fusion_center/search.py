@@ -65,7 +65,7 @@ def searched(
     known = _constraints(own, other, (mine, theirs), sure, orders)
     clues = Clues(_velocities(own, mine), _velocities(other, theirs))
     found = acquire(*logs, prior, clues, known, Settings(trust=now.trust))
-    if not found.modes or found.modes[0].probability <= now.trust or found.status == "nothing":
+    if not _probability(found) > now.trust or found.status == "nothing":  # never of nan
         return Found([], _probability(found), found.sentence)
     best = found.modes[0]
     how = {(pair.own, pair.other): pair.method for pair in sure}
@@ -116,4 +116,5 @@ def _constraints(
 
 
 def _probability(found: Acquisition) -> float:
-    return found.modes[0].probability if found.modes else 0.0
+    chance = found.modes[0].probability if found.modes else 0.0
+    return chance if np.isfinite(chance) else 0.0

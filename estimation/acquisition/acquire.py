@@ -191,7 +191,7 @@ def _setting(
 def _judged(setting: Setting, tries: Frames, settings: Settings) -> Acquisition:
     """Polish every try, weigh the modes they end in against each other and against nothing."""
     ends = (polished(setting, tries.take(np.array([k]))) for k in range(len(tries.t)))
-    found = [c for c in apart(list(ends)) if c.pairs.own.size]
+    found = [c for c in apart(list(ends)) if c.pairs.own.size and np.isfinite(c.log_evidence)]
     bound = found and setting.given.bound.size
     nothing = -np.inf if bound else 0.0  # a bound pair is not nothing
     evidence = np.array([nothing, *(c.log_evidence for c in found)])

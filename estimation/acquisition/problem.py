@@ -205,7 +205,7 @@ def area_of(own: Side, other: Side) -> float:
     worth the less the denser the logs, so the error is on the side of doubt.
     """
     density = np.mean([1 / _spread(side) for side in (own, other)])
-    return _AREA_BY_SPREAD / float(density)
+    return float(_AREA_BY_SPREAD / np.maximum(density, np.finfo(float).tiny))
 
 
 def _spread(side: Side) -> float:

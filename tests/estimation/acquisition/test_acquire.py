@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
@@ -311,3 +313,17 @@ def test_probabilities_are_a_distribution(found: Acquisition) -> None:
 def test_trust_is_a_setting(drawn: Scene) -> None:
     doubting = acquire(drawn.own, drawn.other, drawn.prior, settings=Settings(trust=1.0))
     assert doubting.status == "ambiguous"
+
+
+@pytest.mark.parametrize("variance", [1e-300, 1e-12, 1.0, 1e12, 1e300])
+@pytest.mark.parametrize("spread_m", [1e-6, 1e4, 1e8, 1e150, 1e300])
+def test_numbers_beyond_reason_are_refused_or_no_mode(spread_m: float, variance: float) -> None:
+    """Evidence that is no number is no evidence, whatever was given."""
+    place = np.random.default_rng(5).uniform(-spread_m, spread_m, (6, 2))
+    with np.errstate(all="ignore"):
+        logs = PolarLogs.from_east_north(place, np.full((6, 2, 2), np.eye(2) * variance))
+        for sigma_m, sigma_rad in ((1e-150, 1e-150), (1e3, 0.02), (1e8, 3.0), (1e150, 1e3)):
+            prior = RelativeFramePrior(np.zeros(2), np.eye(2) * sigma_m**2, sigma_rad, sigma_rad)
+            with suppress(np.linalg.LinAlgError, ValueError):
+                found = acquire(logs, logs, prior)
+                assert np.isfinite([mode.probability for mode in found.modes]).all()
