@@ -9,7 +9,7 @@ import numpy as np
 
 from estimation.arrays import Array
 from estimation.bearings_only.criterion import Criterion, criterion
-from estimation.bearings_only.estimate import Estimate
+from estimation.bearings_only.estimate import Estimate, InverseRange
 from estimation.bearings_only.fitting import BRISK, THOROUGH, Search, begun, grid_of, lowest
 from estimation.bearings_only.linear_algebra import cholesky, log_determinant
 from estimation.bearings_only.measurements import Scene
@@ -31,13 +31,15 @@ class Hypothesis(NamedTuple):
         log_evidence: (B,) logarithm of the probability of the bearings under this motion, but for
             a constant of all motions; -inf where the motion found no end.
         dof: (B,) bearings that count less the parameters that they, not the prior, determine.
-        unaided: (M, M, B) without what the prior says of metres.
+        aided: 1 / range at the last bearing.
+        alone: the same with the sigma as if the prior said nothing of metres.
     """
 
     estimate: Estimate
     log_evidence: Array
     dof: Array
-    unaided: Array
+    aided: InverseRange
+    alone: InverseRange
 
 
 def hypotheses(
@@ -98,7 +100,9 @@ def hypothesis(problem: Criterion, grid: Array, clean: Scene, search: Search = B
     effective = np.einsum("ijb,jib->b", estimate.covariance, of_bearings.matrix)
     ok = np.isfinite(log_evidence)
     dof = np.maximum(counted - np.nan_to_num(effective), 1e-3)
-    return Hypothesis(estimate, np.where(ok, log_evidence, -np.inf), dof, unaided)
+    alone = estimate._replace(information=unaided).inverse_range()
+    log_evidence = np.where(ok, log_evidence, -np.inf)
+    return Hypothesis(estimate, log_evidence, dof, estimate.inverse_range(), alone)
 
 
 def second_turns(first: Array) -> Array:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from estimation.arrays import Array
 from estimation.bearings_only.criterion import Criterion, criterion
 from estimation.bearings_only.estimate import Estimate
-from estimation.bearings_only.levenberg_marquardt import Minimum, minimised
+from estimation.bearings_only.levenberg_marquardt import SETTLED, Minimum, minimised
 from estimation.bearings_only.measurements import Bearings, Scene, scene_of
 from estimation.bearings_only.motions import Motion
 from estimation.bearings_only.normal_equations import Loss, Normal
@@ -28,15 +28,18 @@ class Search(NamedTuple):
     Attributes:
         tried, few: starts from which `few` steps are made.
         kept, many: of these the best, followed for `many` steps at most.
+        settled: gain of chi-squared below which a step is the last.
     """
 
     tried: int = 16
     few: int = 4
     kept: int = 5
-    many: int = 40
+    many: int = 30
+    settled: float = 1e-3
 
 
-BRISK, THOROUGH = Search(), Search(tried=48, few=8, kept=8)
+BRISK, THOROUGH = Search(), Search(tried=48, few=8, kept=8, many=40)
+_EXACT = Search(many=40, settled=SETTLED)
 
 
 def maximum_likelihood(given: Bearings, motion: Motion, loss: Loss | None = None) -> Estimate:
@@ -70,7 +73,7 @@ def maximum_likelihood(given: Bearings, motion: Motion, loss: Loss | None = None
 
 def _descended(problem: Criterion) -> Minimum:
     clean = screened(problem.scene, problem.loss)
-    return lowest(problem, begun(problem, grid_of(problem.motion), clean))
+    return lowest(problem, begun(problem, grid_of(problem.motion), clean), _EXACT)
 
 
 def grid_of(motion: Motion) -> Array:
@@ -126,18 +129,20 @@ def _before(problem: Criterion, p: Array) -> Array:
 def lowest(problem: Criterion, starts: Array, search: Search = BRISK) -> Minimum:
     """The lowest end of descents from starts (T, M, B): a few steps from many, then the best."""
     if len(starts) > 1:
-        starts, _ = _descended_from(problem, starts[: search.tried], search.few)
+        starts, _ = _descended_from(problem, starts[: search.tried], search.few, search.settled)
         starts = starts[: search.kept]
-    _, end = _descended_from(problem, starts, search.many)
+    _, end = _descended_from(problem, starts, search.many, search.settled)
     return end
 
 
-def _descended_from(problem: Criterion, starts: Array, steps: int) -> tuple[Array, Minimum]:
+def _descended_from(
+    problem: Criterion, starts: Array, steps: int, settled: float
+) -> tuple[Array, Minimum]:
     """Where some steps lead from each start, the lowest first, and the lowest of all."""
     tries, size, many = starts.shape
     flat = np.moveaxis(starts, 1, 0).reshape(size, tries * many)
     wide = problem if tries == 1 else problem.take(np.tile(np.arange(many), tries))
-    end = minimised(wide, flat, steps)
+    end = minimised(wide, flat, steps, settled)
     cost = np.where(np.isfinite(end.normal.cost), end.normal.cost, np.inf).reshape(tries, many)
     order = np.argsort(cost, axis=0)
     ends = np.moveaxis(end.p.reshape(size, tries, many), 1, 0)

@@ -12,7 +12,7 @@ from estimation.bearings_only.linear_algebra import cholesky, solved
 from estimation.bearings_only.normal_equations import Normal
 
 _STEPS = 40
-_SETTLED = 1e-5  # of chi-squared still to be gained: a step of 3e-3 of a sigma, and it is made
+SETTLED = 1e-5  # of chi-squared still to be gained: a step of 3e-3 of a sigma, and it is made
 _DAMPING = 1e-3
 _HOPELESS = 1e8  # damping
 
@@ -41,7 +41,9 @@ class Minimum(NamedTuple):
     converged: NDArray[np.bool_]
 
 
-def minimised(problem: Problem, start: Array, steps: int = _STEPS) -> Minimum:
+def minimised(
+    problem: Problem, start: Array, steps: int = _STEPS, settled: float = SETTLED
+) -> Minimum:
     """A local minimum for each target, from start (M, B)."""
     p = problem.admissible(start)
     here = problem.evaluate(p)
@@ -55,7 +57,7 @@ def minimised(problem: Problem, start: Array, steps: int = _STEPS) -> Minimum:
         p = np.where(better, trial_p, p)
         here = trial if better.all() else _chosen(better, trial, here)
         damping = np.where(better, damping * 0.1, damping * 8.0)
-        done = (gain < _SETTLED) | (damping > _HOPELESS)
+        done = (gain < settled) | (damping > _HOPELESS)
         if done.any():
             _store(end, active[done], p[:, done], here, done)
             rest = np.flatnonzero(~done)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import gammaincc
 
 from estimation.arrays import Array
-from estimation.bearings_only.estimate import Estimate
+from estimation.bearings_only.estimate import Estimate, LineOfSight
 from estimation.bearings_only.family import Hypothesis, hypotheses, three_legs
 from estimation.bearings_only.measurements import Bearings, Scene, scene_of
 from estimation.bearings_only.motions import FAMILY, FINITE_TURN, Motion
@@ -102,11 +102,6 @@ class _Fit(NamedTuple):
         """Of this target alone."""
         return self.hypothesis.estimate.take(np.array([self.column]))
 
-    def unaided(self) -> Estimate:
-        """The estimate as if the prior said nothing of metres."""
-        information = self.hypothesis.unaided[..., [self.column]]
-        return self.estimate()._replace(information=information)
-
 
 def _fits(
     scene: Scene, prior: MotionPrior, motions: Sequence[Motion], loss: Loss | None
@@ -148,13 +143,14 @@ def _judged(tried: list[_Fit], scene: Scene, column: int) -> Solution:
     heavy = max(int((weights >= COUNTS).sum()), 1)
     shares = weights[:heavy] / weights[:heavy].sum()
     estimates = [fit.estimate() for fit in tried[:heavy]]
-    relative, interval = _spread(tried[:heavy], estimates, shares)
+    line = estimates[0].line_of_sight().one()
+    relative, interval = _spread(tried[:heavy], shares)
     return Solution(
         status_of(relative),
         relative,
         interval,
-        estimates[0].line_of_sight().one(),
-        velocity_family(estimates[0]),
+        line,
+        velocity_family(estimates[0], line),
         tuple(fit.candidate(float(w)) for fit, w in zip(tried, weights, strict=True)),
         tried[0].p_value < ALARM,
         used,
@@ -163,24 +159,20 @@ def _judged(tried: list[_Fit], scene: Scene, column: int) -> Solution:
     )
 
 
-def _spread(
-    tried: Sequence[_Fit], estimates: Sequence[Estimate], shares: Array
-) -> tuple[float, Interval]:
+def _spread(tried: Sequence[_Fit], shares: Array) -> tuple[float, Interval]:
     """sd(1/R) R of the winner, and the interval of all; undetermined: both without the prior."""
-    aided = [estimate.inverse_range() for estimate in estimates]
-    alone = [fit.unaided().inverse_range() for fit in tried]
-    means = np.array([a.value[0] for a in aided])
-    sigmas = np.array([a.sigma[0] for a in aided])
+    means = np.array([fit.hypothesis.aided.value[fit.column] for fit in tried])
+    sigmas = np.array([fit.hypothesis.aided.sigma[fit.column] for fit in tried])
+    alone = np.array([fit.hypothesis.alone.sigma[fit.column] for fit in tried])
     spread = np.sqrt(shares @ (sigmas**2 + (means - means[0]) ** 2))
-    relative = float(np.nan_to_num(max(spread, alone[0].sigma[0]) / means[0], nan=np.inf))
+    relative = float(np.nan_to_num(max(spread, alone[0]) / means[0], nan=np.inf))
     if status_of(relative) == "undetermined":
-        sigmas = np.array([a.sigma[0] for a in alone])
+        sigmas = alone
     return relative, mixture_interval(shares, means, np.nan_to_num(sigmas, nan=1.0, posinf=1.0))
 
 
-def velocity_family(estimate: Estimate) -> VelocityFamily:
-    """Of the first target."""
-    line = estimate.line_of_sight().one()
+def velocity_family(estimate: Estimate, line: LineOfSight) -> VelocityFamily:
+    """Of the first target, by its line of sight."""
     u = np.array([np.sin(line.bearing_rad), np.cos(line.bearing_rad)])
     right = np.array([u[1], -u[0]])
     rate, closing = line.bearing_rate_rad_s, line.range_rate_over_range
