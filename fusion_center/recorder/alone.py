@@ -101,7 +101,7 @@ class RecorderAlone:
                     self._stop = f"{duration_s:g} s are over"
                 elif self._is_over():
                     self._stop = "finished" if self.recorder.ended else "the world is lost"
-            self.recorder.finish(self._stop, dict(self.recorder.claimed))
+            self.recorder.finish(self._stop, dict(self.recorder.claimed), all_heard=True)
         return self._stop
 
     @property

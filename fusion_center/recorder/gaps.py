@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 from schemas.bus.interface import Inbox, Sample
 from schemas.bus.ledger import Ledger, Seen, StreamKey
@@ -22,6 +23,9 @@ log = logging.getLogger("recorder")
 PATIENCE_S = 30.0
 """Nobody waits for a gap in a recording, so it is asked for as long as its owner may have it."""
 
+AT_ONCE = 400
+"""Messages of a stream that one question spans, those that are here included."""
+
 
 class Gaps:
     """Accounts for every message of those who take part, and fetches what is missing.
@@ -29,10 +33,12 @@ class Gaps:
     Attributes:
         never_had: messages that nobody had any more.
         expected: the last message of each stream, once it is known.
+        all_heard: whatever has come of those who take part is to be without a gap as well.
     """
 
     def __init__(self, member: Member, inbox: Inbox[Sample], lives: Known, rows: Rows) -> None:
         self.never_had = 0
+        self.all_heard = False
         self.expected: Mapping[StreamKey, int] = {}
         self._lives, self._rows = lives, rows
         self._ledger = Ledger()
@@ -46,6 +52,8 @@ class Gaps:
     @property
     def is_whole(self) -> bool:
         """Whether everything expected is here or given up."""
+        if self.all_heard and any(self._is_missed(gap[0]) for gap in self._ledger.gaps()):
+            return False
         return all(self._ledger.through(key) >= last for key, last in self.expected.items())
 
     def forget(self, stream: StreamKey) -> None:
@@ -71,8 +79,11 @@ class Gaps:
         gaps = [gap for gap in self._ledger.gaps() if self._is_missed(gap[0])]
         for key, last in self.expected.items():
             gaps += [(key, *span) for span in self._ledger.missing(key, last)]
-        hopeless = self._recovery.pursue(gaps, time.monotonic())
-        for gap in (*hopeless, *given_up):
+        asked = _together(gaps)
+        hopeless = self._recovery.pursue([one.gap for one in asked.values()], time.monotonic())
+        for key, first, _ in hopeless:
+            self._give_up(key, first, asked[key].first_span_last)
+        for gap in given_up:
             self._give_up(*gap)
 
     def close(self) -> None:
@@ -90,3 +101,22 @@ class Gaps:
 
     def _is_missed(self, stream: StreamKey) -> bool:
         return not stream.boot or Life(stream.process, stream.boot) in self._lives
+
+
+class _Asked(NamedTuple):
+    """What is asked of a stream at once: its first gap, and what follows closely."""
+
+    gap: Gap
+    first_span_last: int
+
+
+def _together(gaps: Iterable[Gap]) -> dict[StreamKey, _Asked]:
+    """One question a stream: where messages are lost here and there, each one takes its time."""
+    asked: dict[StreamKey, _Asked] = {}
+    for key, first, last in gaps:
+        before = asked.get(key)
+        if before is None:
+            asked[key] = _Asked((key, first, last), last)
+        elif last < before.gap[1] + AT_ONCE:
+            asked[key] = before._replace(gap=(key, before.gap[1], last))
+    return asked

@@ -37,6 +37,9 @@ from .sink import Sink
 log = logging.getLogger("recorder")
 
 PUMP_S = 0.05
+GATHER_S = 0.005
+"""Samples are let gather for so long: to wake for each would cost more than to write it."""
+MIND_S = 0.02
 STATISTICS_S = 1.0
 QUEUE_BYTES = 256 * 1024 * 1024
 HOLD_BACK_BYTES = 16 * 1024 * 1024
@@ -96,7 +99,7 @@ class Recorder:
         self._clock_ns = scenario.epoch_ns if scenario else time.time_ns()
         self._has_steps = scenario is not None
         self._taken = self._repeated = self._passed_over = self._unwritten = 0
-        self._statistics_s = float("-inf")
+        self._statistics_s = self._minded_s = float("-inf")
         self._finish_by_s = float("inf")
         self._given_up: Sequence[Gap] = ()
         self._orders: SimpleQueue[Callable[[], None]] = SimpleQueue()
@@ -169,14 +172,21 @@ class Recorder:
         return self._statistics(self._rows.statistics(self._inbox.dropped.copy()))
 
     def finish(
-        self, reason: str, expected: Mapping[StreamKey, int], given_up: Sequence[Gap] = ()
+        self,
+        reason: str,
+        expected: Mapping[StreamKey, int],
+        given_up: Sequence[Gap] = (),
+        *,
+        all_heard: bool = False,
     ) -> None:
         """Wait until everything expected is recorded, at most 10 s, and seal the file.
 
         Args:
             expected: the last message of each stream.
             given_up: what of it is not waited for any longer.
+            all_heard: wait for every gap below what has come, too.
         """
+        self._gaps.all_heard = all_heard
         self._reason, self._gaps.expected, self._given_up = reason, expected, given_up
         self._finish_by_s = time.monotonic() + FINISH_S
         self._inbox.wake()
@@ -192,13 +202,22 @@ class Recorder:
                 self._clock_ns = max(self._clock_ns, time.time_ns())
             for sample in samples:
                 self._record(sample)
-            while not self._orders.empty():
-                self._watched(self._orders.get())
-            given_up, self._given_up = self._given_up, ()
-            self._gaps.pursue(given_up)
-            self._note_statistics()
-            self._watched(lambda: self._writer.tick(time.monotonic()))
+            if time.monotonic() - self._minded_s >= MIND_S or self._finish_by_s < float("inf"):
+                self._mind()
+            if samples:
+                time.sleep(GATHER_S)
+        self._mind()
         self._watched(lambda: self._writer.close(self._end()))
+
+    def _mind(self) -> None:
+        """All that is not done for every sample."""
+        self._minded_s = time.monotonic()
+        while not self._orders.empty():
+            self._watched(self._orders.get())
+        given_up, self._given_up = self._given_up, ()
+        self._gaps.pursue(given_up)
+        self._note_statistics()
+        self._watched(lambda: self._writer.tick(time.monotonic()))
 
     def _watched(self, action: Callable[[], None]) -> None:
         """Do something with the file; an error of the disk is the last of it."""

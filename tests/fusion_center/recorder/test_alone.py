@@ -15,11 +15,15 @@ from crossfix.commands.info import lost_by_key
 from fusion_center.recorder import How, Wanted, require_wanted
 from fusion_center.recorder.alone import RecorderAlone, record_whatever
 from schemas import codec, keys
+from schemas.bus.answering import reply_to
 from schemas.bus.interface import Bus, Sample
 from schemas.bus.member import Buses, Member
 from schemas.bus.memory_bus import MemoryNetwork
 from schemas.errors import BusError, CrossfixError
 from schemas.messages import (
+    BackfillRecord,
+    BackfillReply,
+    BackfillRequest,
     Navigation,
     Pose,
     RecorderCommand,
@@ -290,3 +294,37 @@ def test_what_was_lost_by_key_stands_in_the_file_and_is_shown(
     assert found.statistics is not None
     assert sum(row.received for row in found.statistics.keys) == found.statistics.received
     assert lost_by_key(found) == {keys.REPORT.key(RUN, "alpha", "radar"): "1 refused"}
+
+
+def test_gaps_all_over_a_stream_are_fetched_before_it_ends(
+    network: MemoryNetwork, path: Path
+) -> None:
+    """Every third message is lost on the way; the owner has all but one."""
+    payloads = {
+        seq: codec.encode(
+            SourceReport(carrier="alpha", boot="a", stream="radar", seq=seq, t_ns=seq * 10**9)
+        )
+        for seq in range(1, 1501)
+    }
+    never, key = 600, keys.REPORT.key(RUN, "alpha", "radar")
+    encoding = codec.encoding_of(SourceReport)
+
+    def answer(question: Sample) -> list[Sample]:
+        asked = codec.decode(BackfillRequest, question.payload)
+        records = [
+            BackfillRecord(key=key, encoding=encoding, payload=payloads[seq])
+            for seq in range(asked.first, min(asked.last, asked.first + 499) + 1)
+            if seq != never
+        ]
+        return [reply_to(question, BackfillReply(records=records))]
+
+    with recording(network, path) as alone, alone.bus.announce(keys.alive(RUN, "alpha", "a")):
+        alone.until(lambda: bool(alone.alone._seen))
+        alone.bus.serve(keys.BACKFILL.key(RUN, "alpha"), answer)
+        for seq, payload in payloads.items():
+            if seq % 3 or seq == 1500:
+                alone.bus.publish(key, payload, encoding, keys.REPORT.qos)
+        alone.end()
+        counters = alone.alone.recorder.counters()
+    assert sorted(seqs(path)) == [seq for seq in payloads if seq != never]
+    assert counters["gaps"] == 1
