@@ -2,19 +2,21 @@
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+import crossfix
+from crossfix.selecting import Selection
 from tests.golden.make import GOLDENS
 from tests.project.tree import ROOT
 
 PAGE = (ROOT / "docs" / "analysis.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 DEADLINE_S = 120
+RECORDED_S = 20.0
 DIFFERENT = 1
 
 
@@ -28,10 +30,13 @@ COMMANDS = [line for block in blocks("sh") for line in block.splitlines() if lin
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a recording of the strait, and `crossfix` on the path."""
+    """A folder with a short recording of the strait, and `crossfix` on the path."""
     folder = tmp_path_factory.mktemp("analysis")
     (folder / "recordings").mkdir()
-    shutil.copy(GOLDENS[0].path, folder / "recordings" / "strait.mcap")
+    with crossfix.open_recording(GOLDENS[0].path) as golden:
+        crossfix.cut(golden, folder / "cut.mcap", Selection(until_s=RECORDED_S))
+    with crossfix.open_recording(folder / "cut.mcap") as part:
+        crossfix.refuse(part, folder / "recordings" / "strait.mcap", {})
     (folder / "bin").mkdir()
     command = folder / "bin" / "crossfix"
     command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m crossfix "$@"\n')
