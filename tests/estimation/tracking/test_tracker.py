@@ -1,100 +1,33 @@
-"""Laws of the picture: what must not depend on what, and whether its probabilities are honest."""
+"""Laws of the picture: what must not depend on what."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from bench.tracking import arrival, ours, registered
-from bench.tracking.scenes import Scene, Size, drawn
-from bench.tracking.scoring import score
+from bench.tracking import arrival
 from estimation.arrays import Array
-from estimation.consistency import nees
 from estimation.frames import rotation_clockwise
 from estimation.metrics import matched
 from estimation.tracking import tracker
 from estimation.tracking.imm import Motion
 from estimation.tracking.innovations import Common
-from estimation.tracking.marginals import by_assignment
 from estimation.tracking.measurements import bearings, polar
 from estimation.tracking.scan import Scan, View
-from estimation.tracking.tracker import Picture, Settings, Shown, nothing, shown, step
-from estimation.tracking.undetected import Region
-
-BOX_M = 40_000.0
-SETTINGS = Settings(region=Region((0.0, 0.0), BOX_M * 0.6, 12), lifetime_s=60.0)
-SITES = np.array([[-15e3, -12e3], [16e3, -9e3], [1e3, 17e3]])
-PERIOD_S = 1.0
-DETECTION, CLUTTER = 0.9, 6.0  # false plots a scan
-SIGMA_BEARING, SIGMA_RANGE = 0.003, 30.0
-
-
-class World(NamedTuple):
-    """Targets that move, appear and vanish as the tracker expects: (T, N, 4) and (T, N)."""
-
-    states: Array
-    alive: NDArray[np.bool_]
-
-
-def world(
-    rng: np.random.Generator, steps: int, targets: int, motion: Motion = SETTINGS.motion
-) -> World:
-    """Drawn from the tracker's own model."""
-    total = targets + round(targets * steps * PERIOD_S / 60.0)
-    place = rng.uniform(-BOX_M / 2, BOX_M / 2, (total, 2))
-    state = np.column_stack([place, rng.normal(0, motion.sigma_speed_mps, (total, 2))])
-    begins = np.where(np.arange(total) < targets, 0.0, rng.uniform(0, steps * PERIOD_S, total))
-    ends = begins + rng.exponential(SETTINGS.lifetime_s, total)
-    manoeuvres = rng.random(total) < motion.manoeuvring_s / (motion.manoeuvring_s + motion.quiet_s)
-    states, parts = [], 4
-    dt = PERIOD_S / parts
-    for _ in range(steps):
-        states.append(state.copy())
-        for _ in range(parts):
-            leave = dt / np.where(manoeuvres, motion.manoeuvring_s, motion.quiet_s)
-            manoeuvres ^= rng.random(total) < leave
-            q = np.where(manoeuvres, motion.manoeuvring, motion.quiet)[:, None]
-            kick = rng.normal(0, 1, (total, 2)) * np.sqrt(q * dt)
-            state[:, :2] += state[:, 2:] * dt + kick * dt / 2
-            state[:, 2:] += kick
-    now = np.arange(steps)[:, None] * PERIOD_S
-    return World(np.array(states), (now >= begins) & (now < ends))
-
-
-def scans(rng: np.random.Generator, given: World) -> list[Scan]:
-    """A scan each step, the sensors in turn."""
-    every = []
-    for k, (state, alive) in enumerate(zip(given.states, given.alive, strict=True)):
-        site = SITES[k % len(SITES)]
-        hit = state[alive & (rng.random(len(state)) < DETECTION), :2]
-        ghosts = rng.uniform(-BOX_M / 2, BOX_M / 2, (rng.poisson(CLUTTER), 2))
-        noise = rng.normal(size=(2, len(hit))) * [[SIGMA_BEARING], [SIGMA_RANGE]]
-        noise = np.pad(noise, ((0, 0), (0, len(ghosts))))
-        away = np.concatenate([hit, ghosts]) - site
-        plots = polar(
-            site,
-            np.arctan2(*away.T) + noise[0],
-            np.hypot(*away.T) + noise[1],
-            SIGMA_BEARING,
-            SIGMA_RANGE,
-        )
-        every.append(
-            Scan(round(k * PERIOD_S * 1e9), plots, View(site), DETECTION, CLUTTER / BOX_M**2)
-        )
-    return every
-
-
-def tracked(given: list[Scan], settings: Settings = SETTINGS) -> list[Picture]:
-    """The picture after each scan."""
-    picture, every = nothing(settings, 0), []
-    for scan in given:
-        picture, _ = step(picture, scan, settings)
-        every.append(picture)
-    return every
+from estimation.tracking.tracker import Settings, Shown, nothing, shown, step
+from tests.estimation.tracking.worlds import (
+    BOX_M,
+    CLUTTER,
+    SETTINGS,
+    SIGMA_BEARING,
+    SIGMA_RANGE,
+    SITES,
+    scans,
+    tracked,
+    world,
+)
 
 
 def by_place(found: Shown) -> Shown:
@@ -248,111 +181,6 @@ def test_a_term_for_pairs_decides_between_equal_ones() -> None:
         )
         best = told.identity[np.argmax(told.probability)]
         assert best == picture.tracks.identity[favoured]
-
-
-def normalised(seed: int, settings: Settings) -> Array:
-    """NEES of the sure tracks of twenty targets, in a world that is as the tracker believes."""
-    rng = np.random.default_rng(seed)
-    given = world(rng, 90, 20, settings.motion)
-    every = []
-    for k, picture in enumerate(tracked(scans(rng, given), settings)[15:], 15):
-        truth = given.states[k][given.alive[k]]
-        found = shown(picture, settings._replace(confirmed=0.9))
-        pairs = matched(truth[:, :2], found.mean[:, :2], 400.0)
-        error = found.mean[pairs.estimate] - truth[pairs.truth]
-        every.append(nees(error, found.covariance[pairs.estimate]))
-    return np.concatenate(every)
-
-
-@pytest.mark.parametrize(("manoeuvring", "tolerance"), [(1.0, 0.1), (100.0, 0.15)])
-def test_covariances_are_honest(manoeuvring: float, tolerance: float) -> None:
-    """Mean NEES / 4 of 2400 states. Errors last some ten scans, so it is good to 4 %; where targets
-    manoeuvre a few surprises make half of the mean, and it is good to 7 %. Two sigmas each.
-    """
-    settings = SETTINGS._replace(motion=Motion(manoeuvring=manoeuvring))
-    ratios = np.concatenate([normalised(seed, settings) for seed in (4, 5)])
-    assert len(ratios) > 2000
-    assert abs(ratios.mean() / 4 - 1) < tolerance
-
-
-class Judged(NamedTuple):
-    """Tracks of many pictures against the truth."""
-
-    existence: Array  # of all tracks of some substance
-    real: NDArray[np.bool_]
-
-
-@pytest.fixture(scope="module")
-def judged() -> Judged:
-    """Of a long run in a world that is as the tracker believes."""
-    rng = np.random.default_rng(4)
-    given = world(rng, 90, 60)
-    pictures = tracked(scans(rng, given))
-    existence, real = [], []
-    for k in range(15, 90):
-        truth = given.states[k][given.alive[k]]
-        found = shown(pictures[k], SETTINGS._replace(confirmed=0.02))
-        pairs = matched(truth[:, :2], found.mean[:, :2], 400.0)
-        existence.append(found.existence)
-        real.append(np.isin(np.arange(len(found.mean)), pairs.estimate))
-    return Judged(np.concatenate(existence), np.concatenate(real))
-
-
-@pytest.mark.parametrize(("low", "high"), [(0.02, 0.2), (0.2, 0.8), (0.8, 0.99), (0.99, 1.0)])
-def test_existence_is_as_probable_as_it_says(judged: Judged, low: float, high: float) -> None:
-    """Share of real tracks against their mean probability, to 0.12 (some hundred in a bin, which
-    hang together) and to 0.02 of the sure ones.
-    """
-    inside = (judged.existence >= low) & (judged.existence < high)
-    assert inside.sum() > 50
-    apart = abs(judged.real[inside].mean() - judged.existence[inside].mean())
-    assert apart < (0.02 if low == 0.99 else 0.12)
-
-
-@pytest.fixture(scope="module")
-def scene() -> Scene:
-    return drawn(np.random.default_rng(5), Size(100, 70e3, 60))
-
-
-def test_gospa_of_a_drawn_scene(scene: Scene) -> None:
-    """A hundred targets at the density of the demands' 200: 900 m / sqrt 2, plus a tenth."""
-    settings = ours.settings_for(scene)
-    found = score(scene, ours.run(ours.scans_of(scene, scene.pose), settings))
-    assert found.gospa_m < 700
-    assert found.identity_changes <= 3
-    assert found.count_rmse < 0.03
-    simple = settings._replace(associate=by_assignment)
-    assert score(scene, ours.run(ours.scans_of(scene, scene.pose), simple)).gospa_m < 800
-
-
-def test_features_help_where_targets_are_close() -> None:
-    scene = drawn(np.random.default_rng(6), Size(400, 15e3, 40))
-    settings = ours.settings_for(scene)
-    without = score(scene, ours.run(ours.scans_of(scene, scene.pose), settings))
-    told = settings._replace(classes=(0.25,) * 4)
-    found = score(scene, ours.run(ours.scans_of(scene, scene.pose, features=True), told))
-    assert found.gospa_m < 0.95 * without.gospa_m
-    assert found.identity_changes < without.identity_changes
-
-
-def test_registered_poses_are_nearly_as_good_as_known_ones(scene: Scene) -> None:
-    settings = ours.settings_for(scene)
-    known = ours.run(ours.scans_of(scene, scene.pose), settings)
-    given = list(registered.scans(scene, settings))
-    assert len(given) > 50
-    run = ours.run(given, settings)
-    last = [
-        np.searchsorted([s.t_ns for s in given], round(t * 1e9), "right") - 1 for t in scene.t_s
-    ]
-    every = run._replace(shown=tuple(run.shown[k] for k in last))
-    assert score(scene, every, 30.0).gospa_m < 1.05 * score(scene, known, 30.0).gospa_m
-
-
-def test_late_scans_give_the_same_bits(scene: Scene) -> None:
-    settings = ours.settings_for(scene)
-    cost = arrival.cost(ours.scans_of(scene, scene.pose), settings, 1, repeats=1)
-    assert cost.identical
-    assert cost.steps < 1.4
 
 
 def test_a_common_error_widens_and_is_not_blamed_on_tracks(small: list[Scan]) -> None:
