@@ -75,6 +75,7 @@ def heard(path: Path, endpoint: str) -> int:
     total, over = 0, threading.Event()
 
     def count() -> None:
+        """Take what comes."""
         nonlocal total
         while not over.is_set():
             total += len(inbox.take(0.05))

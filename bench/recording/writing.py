@@ -31,9 +31,11 @@ def figures(folder: Path, seed: int, size: float) -> Iterator[Figure]:
         messages = stream(data, max(2000, round(100_000 * size)))
 
         def ours(messages: Sequence[Message] = messages) -> None:
+            """By our writer."""
             write(folder / "ours.mcap", messages)
 
         def theirs(messages: Sequence[Message] = messages) -> None:
+            """By the library's."""
             write_plainly(folder / "theirs.mcap", messages)
 
         took_s = scaled_seconds(ours, 3)

@@ -26,6 +26,7 @@ def serve(player: Player, bus: Bus, run: str, name: str) -> None:
     """Answer queries for `player/{name}`."""
 
     def answer(question: Sample) -> Iterable[Sample]:
+        """Reply to one query."""
         command = codec.decode(PlayerCommand, question.payload, question.encoding)
         yield reply_to(question, player.command(command))
 
@@ -101,6 +102,7 @@ def _quit(player: Player, name: str) -> PlayerCommand:
 
 def _skip(by_ns: int) -> _Act:
     def skip(player: Player, name: str) -> PlayerCommand:
+        """Seek from where it stands."""
         return PlayerCommand(id=name, kind="seek", t_ns=max(0, player.t_ns + by_ns))
 
     return skip
@@ -110,6 +112,7 @@ def _scale(factor: float) -> _Act:
     """A replay at full speed comes down to the recorded pace."""
 
     def scale(player: Player, name: str) -> PlayerCommand:
+        """Change the rate."""
         rate = player.rate * factor if player.rate != MAX else 1.0
         return PlayerCommand(id=name, kind="rate", rate=min(rate, 1e6))
 
@@ -117,7 +120,8 @@ def _scale(factor: float) -> _Act:
 
 
 class _Act(Protocol):
-    def __call__(self, player: Player, name: str) -> PlayerCommand: ...
+    def __call__(self, player: Player, name: str) -> PlayerCommand:
+        """The command that a key stands for."""
 
 
 _ESCAPE = "\x1b"

@@ -35,6 +35,7 @@ def progress_line(player: Player, title: str, console: Console) -> Iterator[None
     task = progress.add_task(title, total=total_s, note="")
 
     def show() -> None:
+        """Draw the line anew."""
         now = player.status()
         done_s = (now.t_ns - now.start_ns) / NS
         progress.update(task, completed=done_s, note=note(now))
@@ -49,6 +50,7 @@ def published_clock(player: Player, bus: Bus, run: str, name: str, hz: float) ->
     key, encoding = keys.CLOCK.key(run, name), codec.encoding_of(Clock)
 
     def tell() -> None:
+        """Publish the time once."""
         now = player.status()
         clock = Clock(player=name, t_ns=now.t_ns, rate=now.rate, state=now.state)
         bus.publish(key, codec.encode(clock), encoding, keys.CLOCK.qos)
@@ -73,6 +75,7 @@ def repeating(action: Callable[[], None], period_s: float) -> Iterator[None]:
     over = threading.Event()
 
     def repeat() -> None:
+        """The life of the thread."""
         while not over.wait(period_s):
             action()
 

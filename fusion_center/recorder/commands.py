@@ -114,6 +114,7 @@ class Commands:
         flushed = threading.Event()
 
         def flush() -> None:
+            """In the thread that writes."""
             self._recorder.flush()
             flushed.set()
 

@@ -215,6 +215,7 @@ class Recording:
         self, spans: list[Span], channels: Channels, start_ns: int, stop_ns: int
     ) -> Iterator[Recorded]:
         def read(span: Span) -> list[Recorded]:
+            """The messages of a span within the bounds."""
             messages = self._read(span, channels, 0, _NEVER_NS)
             return [m for m in messages if start_ns <= m.publish_time_ns < stop_ns]
 
