@@ -31,7 +31,7 @@ def export(
     `foxglove`: MCAP for Foxglove and Lichtblick, with target logs as ellipses and bearings as
     lines, every carrier's frame as believed and as corrected, places on the map, and a log.
     `csv`: a folder with a table a topic. `czml`: a document for Cesium. `rerun`: a file for the
-    Rerun viewer, which needs `pip install 'crossfix[rerun]'`. Exit code 0: written; 2: it cannot be.
+    Rerun viewer; needs `pip install 'crossfix[rerun]'`. Exit code 0: written; 2: it cannot be.
 
     ```
     crossfix export foxglove recordings/strait.mcap
