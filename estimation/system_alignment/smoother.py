@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import chdtrc, expit
 
 from estimation.arrays import Array
 from estimation.bordered import Solution, block_covariances, descend, last_covariance, minimise
@@ -47,7 +47,8 @@ class Alignment(NamedTuple):
 
     Attributes:
         theta: (7 + 4 J,) in the order of `parameters`.
-        covariance: (7 + 4 J, 7 + 4 J); zeros where a constant is known.
+        covariance: (7 + 4 J, 7 + 4 J); zeros where a constant is known. Where a beacon may lie on
+            the other side of the path, the distance to there is in it by its probability.
         path_m: (n, 2) places of the object, valid at the epochs.
         heading_error_rad: (n,) of the walk; zeros where headings are measured anew.
         cost: what was minimised, at the minimum.
@@ -127,7 +128,8 @@ def align(
     at = prior.mean if start is None else np.asarray(start, dtype=float)
     if method == "ls":
         model = Model(path, logs, prior)
-        return _told(model, least_squares(model, at[prior.free]), np.zeros(prior.beacons))
+        found, size = least_squares(model, at[prior.free]), len(prior.free)
+        return _told(model, _Sides(found, np.zeros(prior.beacons), np.zeros((size, size))))
     model = Model(path, logs, prior, losses[0])
     free = at[prior.free]
     x, free = (_approached if start is None else _softened)(model, free)
@@ -164,9 +166,7 @@ def _softened(model: Model, free: Array) -> tuple[Array, Array]:
     return x, free
 
 
-def _through(
-    losses: tuple[Loss, ...], model: Model, x: Array, free: Array
-) -> tuple[Model, Solution, Array]:
+def _through(losses: tuple[Loss, ...], model: Model, x: Array, free: Array) -> tuple[Model, _Sides]:
     """The minimum of the last loss, reached through the others as far as they are needed."""
     last = replace(model, loss=losses[-1])
     for loss in losses[:-1]:
@@ -176,28 +176,31 @@ def _through(
         residuals = last.residuals(x, free)
         weights = last.loss(residuals)[1]
         if found.converged and np.array_equal(weights, model.loss(residuals)[1]):
-            return last, *_mirrors(last, found)
+            return last, _mirrors(last, found)
         if np.all(weights == 1):
             break
-    return last, *_mirrors(last, minimise(last, x, free))
+    return last, _mirrors(last, minimise(last, x, free))
 
 
-def _told(model: Model, found: Solution, gap: Array) -> Alignment:
-    """The result with its checks."""
+def _told(model: Model, sides: _Sides) -> Alignment:
+    """The result with its checks; a beacon that may lie on the other side is that uncertain."""
+    found = sides.found
     prior, free = model.prior, model.prior.free
     covariance = np.zeros_like(prior.covariance)
     covariance[np.ix_(free, free)] = found.covariance
+    doubtful = covariance.copy()
+    doubtful[np.ix_(free, free)] += sides.spread
     theta = model.theta(found.theta)
     heading = found.x[:, 2] if model.block == 3 else np.zeros(len(found.x))
     return Alignment(
         theta=theta,
-        covariance=covariance,
+        covariance=doubtful,
         path_m=found.x[:, :2],
         heading_error_rad=heading,
         cost=found.cost,
         weights=model.loss(model.residuals(found.x, found.theta))[1],
         status=_status(model, found),
-        mirror_gap=gap,
+        mirror_gap=sides.gap,
         prior_test=contradiction(prior, theta, covariance),
         undetermined=diagnosis(model, found.theta, found.factored.information).undetermined,
         solution=found,
@@ -211,8 +214,22 @@ def _status(model: Model, found: Solution) -> Status:
     return "solved" if found.converged else "not converged"
 
 
-def _mirrors(model: Model, found: Solution) -> tuple[Solution, Array]:
-    """The solution with every beacon on its more probable side, and what the other side costs.
+class _Sides(NamedTuple):
+    """Both sides of every beacon.
+
+    Attributes:
+        found: the solution with every beacon on its more probable side.
+        gap: (J,) what the other side costs.
+        spread: (T, T) what the doubt adds to the covariance of the free constants.
+    """
+
+    found: Solution
+    gap: Array
+    spread: Array
+
+
+def _mirrors(model: Model, found: Solution) -> _Sides:
+    """The solution and its mirrors.
 
     Over a level path both sides fit alike and only the prior can tell; elsewhere a mirrored
     beacon that comes near is solved for anew.
@@ -220,6 +237,7 @@ def _mirrors(model: Model, found: Solution) -> tuple[Solution, Array]:
     height = model.path.height_m[model.logs.epoch].mean() if len(model.logs.epoch) else 0.0
     beacons = model.prior.beacons
     gap = np.full(beacons, np.inf)
+    spread = np.zeros((len(found.theta), len(found.theta)))
     for beacon, index in enumerate(places_of(model.prior.mean)[:, 2]):
         place = np.flatnonzero(model.free == index)
         if place.size == 0:
@@ -229,11 +247,13 @@ def _mirrors(model: Model, found: Solution) -> tuple[Solution, Array]:
         cost = model(found.x, other).cost
         if cost < found.cost + _MIRROR_IN_DOUBT:
             again = minimise(model, found.x, other)
-            cost = again.cost
-            if again.converged and cost < found.cost:
-                found, cost = again, found.cost
+            if again.converged and again.cost < found.cost:
+                found, again = again, found
+            cost, other = again.cost, again.theta
         gap[beacon] = cost - found.cost
-    return found, gap
+        apart = other - found.theta
+        spread += expit(-gap[beacon] / 2) * np.outer(apart, apart)
+    return _Sides(found, gap, spread)
 
 
 def contradiction(prior: Prior, theta: Array, covariance: Array) -> PriorTest:

@@ -197,6 +197,23 @@ def test_a_prior_that_knows_the_side_leaves_no_doubt() -> None:
     assert not aligned(flown()[0]).mirrored_in_doubt
 
 
+def test_a_beacon_of_doubtful_side_is_as_uncertain_as_both() -> None:
+    """Low beacons, a prior that hardly knows above from below: the covariance covers both sides."""
+    rng = np.random.default_rng(9)
+    normalised = []
+    for one in [flight(rng, 200) for _ in range(20)]:
+        mean, truth = one.prior.mean.copy(), truth_of(one)
+        heights = places_of(mean)[:, 2]
+        mean[heights] = 100 * rng.standard_normal(2)
+        wide = one.prior.covariance.copy()
+        wide[heights, heights] = 500.0**2
+        found = align(one.path, one.logs, Prior(mean, wide))
+        assert found.mirrored_in_doubt
+        error = (found.theta - truth)[heights]
+        normalised.append(error**2 / found.covariance[heights, heights])
+    assert np.mean(normalised) < 2.5  # believed at their modes alone they would be thousands
+
+
 def test_started_below_it_ends_above() -> None:
     one = flown()[0]
     start = one.prior.mean.copy()
