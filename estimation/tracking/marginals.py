@@ -17,9 +17,9 @@ from scipy.sparse.csgraph import connected_components
 from estimation.arrays import Array, Indices
 from estimation.assignment import assignment
 
-_TOLERANCE = 1e-4
+_TOLERANCE = 1e-3
 _PASSES = 8  # between two looks at what has settled
-_ROUNDS = 25
+_ROUNDS = 12
 
 
 class Candidates(NamedTuple):
