@@ -1,8 +1,8 @@
 # mypy: disable-error-code="import-untyped,misc"
 """Stone Soup on a scene: an extended Kalman filter, global nearest neighbour, a k-d tree.
 
-Its recipe for this kind of scene, with the settings that did best: constant velocity, gate of 4
-sigma, tracks begun on two plots and dropped after three seconds without one.
+Put together as its tutorials do, and not tuned to a scene: constant velocity, a gate of 4 sigma,
+tracks begun on two plots and dropped after three seconds without one.
 """
 
 from __future__ import annotations
