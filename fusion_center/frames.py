@@ -20,9 +20,8 @@ from estimation.relative_frame.joint import Elapsed, JointFrames, carried_on, ow
 from .navigation import NS, frame_covariance, way_m
 from .state import Frames, State
 
-_DECIMALS_OF_TURN = 0.5
-"""A drift forgets by half a radian of turn what it forgets in two memories: the log's error turns
-with the bow, the current does not."""
+_BY_TURN = 0.5
+"""Memories that pass with a radian of turn: the log's error turns with the bow, the current not."""
 
 
 class Stand(NamedTuple):
@@ -70,7 +69,7 @@ def carried_to(state: State, t_ns: int) -> Frames | None:
     elapsed = Elapsed(
         seconds=seconds,
         travel_m=np.array([s.way_m for s in stands]) - frames.way_m,
-        kept=np.exp(-seconds / settings.drift_memory_s - _DECIMALS_OF_TURN * turned),
+        kept=np.exp(-seconds / settings.drift_memory_s - _BY_TURN * turned),
         sigma_drift_mps=np.array([s.sigma_drift_mps for s in stands]),
         wandered_m=np.full(len(stands), settings.drift_m_per_root_s * np.sqrt(seconds)),
         wandered_rad=np.sqrt(wandered + settings.drift_rad_per_root_s**2 * seconds),
