@@ -17,6 +17,8 @@ from schemas.qos import DATA
 from .samples import CARRIERS, ENCODING, KEYS, RUN, payloads
 
 BATCH_S = 0.001
+PAUSE_S = 0.5
+"""Before each carrier's last message, by which is noticed what was lost just before it."""
 MOST_RECORDS = 500
 
 
@@ -29,18 +31,24 @@ def main(endpoint: str, size: str, count: str, hz: str, seed: str) -> None:
             bus.serve(keys.BACKFILL.key(RUN, f"c{number}"), lambda q: answer(data, q))
         say("ready")
         sys.stdin.readline()
-        publish(bus, data, float(hz))
+        publish(bus, data[:-CARRIERS], float(hz), 0)
+        time.sleep(PAUSE_S)
+        publish(bus, data[-CARRIERS:], 0.0, len(data) - CARRIERS)
         say("done")
         sys.stdin.readline()
 
 
-def publish(bus: Bus, data: list[bytes], hz: float) -> None:
-    """Publish at a rate; 0 Hz = as fast as it goes."""
+def publish(bus: Bus, data: list[bytes], hz: float, first: int) -> None:
+    """Publish at a rate; 0 Hz = as fast as it goes.
+
+    Args:
+        first: number of the first of them.
+    """
     started_s, sent, total = time.perf_counter(), 0, len(data)
     while sent < total:
         due = round((time.perf_counter() - started_s) * hz) if hz else total
         for number in range(sent, min(due, total)):
-            bus.publish(KEYS[number % CARRIERS], data[number], ENCODING, DATA)
+            bus.publish(KEYS[(first + number) % CARRIERS], data[number], ENCODING, DATA)
         sent = max(sent, min(due, total))
         time.sleep(BATCH_S)
 

@@ -76,19 +76,28 @@ class Gaps:
 
     def pursue(self, given_up: Sequence[Gap] = ()) -> None:
         """Ask for what is missing; count what nobody has."""
-        gaps = [gap for gap in self._ledger.gaps() if self._is_missed(gap[0])]
-        for key, last in self.expected.items():
-            gaps += [(key, *span) for span in self._ledger.missing(key, last)]
-        asked = _together(gaps)
+        asked = _together(self._open())
         hopeless = self._recovery.pursue([one.gap for one in asked.values()], time.monotonic())
         for key, first, _ in hopeless:
             self._give_up(key, first, asked[key].first_span_last)
         for gap in given_up:
             self._give_up(*gap)
 
+    def conclude(self) -> None:
+        """Count whatever is missing still: there is no more time to ask for it."""
+        for gap in self._open():
+            self._give_up(*gap)
+
     def close(self) -> None:
         """Ask no more."""
         self._recovery.close()
+
+    def _open(self) -> list[Gap]:
+        """Everything missing of those who take part, and of what is expected."""
+        gaps = [gap for gap in self._ledger.gaps() if self._is_missed(gap[0])]
+        for key, last in self.expected.items():
+            gaps += [(key, *span) for span in self._ledger.missing(key, last)]
+        return gaps
 
     def _give_up(self, key: StreamKey, first: int, last: int) -> None:
         for start, end in self._ledger.missing(key, last):

@@ -207,6 +207,7 @@ class Recorder:
             if samples:
                 time.sleep(GATHER_S)
         self._mind()
+        self._gaps.conclude()
         self._watched(lambda: self._writer.close(self._end()))
 
     def _mind(self) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from crossfix.commands.info import lost_by_key
-from fusion_center.recorder import How, Wanted, require_wanted
+from fusion_center.recorder import How, Wanted, require_wanted, thread
 from fusion_center.recorder.alone import RecorderAlone, record_whatever
 from schemas import codec, keys
 from schemas.bus.answering import reply_to
@@ -328,3 +328,20 @@ def test_gaps_all_over_a_stream_are_fetched_before_it_ends(
         counters = alone.alone.recorder.counters()
     assert sorted(seqs(path)) == [seq for seq in payloads if seq != never]
     assert counters["gaps"] == 1
+
+
+def test_what_there_was_no_time_for_is_counted(
+    network: MemoryNetwork, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its owner never answers."""
+    monkeypatch.setattr(thread, "FINISH_S", 0.2)
+    key, encoding = keys.REPORT.key(RUN, "alpha", "radar"), codec.encoding_of(SourceReport)
+    with recording(network, path) as alone, alone.bus.announce(keys.alive(RUN, "alpha", "a")):
+        alone.until(lambda: bool(alone.alone._seen))
+        for seq in (1, 2, 10):
+            report = SourceReport(carrier="alpha", boot="a", stream="radar", seq=seq, t_ns=1)
+            alone.bus.publish(key, codec.encode(report), encoding, keys.REPORT.qos)
+        alone.end()
+    with open_recording(path) as found:
+        assert found.end is not None
+        assert found.end.gaps == 7
