@@ -37,7 +37,7 @@ def by_place(found: Shown) -> Shown:
 
 
 def assert_alike(one: Shown, other: Shown) -> None:
-    """The same tracks but for their names; messages converge to 1e-3, as a rule far below."""
+    """The same tracks but for their names; messages are good to 1e-3."""
     one, other = by_place(one), by_place(other)
     assert len(one.mean) == len(other.mean)
     np.testing.assert_allclose(one.mean, other.mean, atol=0.5)
