@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from math import degrees, isnan, nan
 from pathlib import Path
+from typing import cast
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -16,6 +17,7 @@ from schemas.messages import Correction, DeclaredScenario, TruthCarriers
 from schemas.recording.reader import open_recording
 
 from .evaluation import FrameSummary, frame_errors, summarise
+from .tracking_errors import CUTOFF_M, Known, PictureSummary, picture_errors, summarise_picture
 
 NOTE = (
     "Root mean squares over the second half of the run, when it has converged. Own axes: the other "
@@ -23,17 +25,35 @@ NOTE = (
     "together cannot be observed there and leave a floor. An honest sigma has NEES/dim 1."
 )
 
+PICTURE_NOTE = (
+    "Means over the second half of the run, in the axes the own carrier believes in. GOSPA with "
+    f"p = 2 and c = {CUTOFF_M:.0f} m: a track farther than that from every target is false. "
+    "Error: root mean square of the tracks' places."
+)
+
+PICTURE_HEADINGS = (
+    "targets", "tracks", "missed", "false", "GOSPA", "error", "NEES/dim", "names changed"
+)  # fmt: skip
+
+DIMENSIONS = 2
+"""Of a place in the picture."""
+
 NOTHING = 1e-6
 """An error below this [m, rad] is none: known frames have no ratio."""
 
 
 def show_frames(path: Path, *, as_json: bool = False) -> list[FrameSummary]:
-    """Print the error of every carrier's frame before and after correction."""
+    """Print the error of every carrier's frame before and after correction, and the picture's.
+
+    JSON has the frames alone; the picture is among the figures of `crossfix report --json`.
+    """
     summaries = frame_summaries(path)
     if as_json:
         print(json.dumps([summary._asdict() for summary in summaries], indent=2))
     else:
         print_frames(summaries)
+        if (picture := picture_summary(path)) is not None:
+            print_picture(picture)
     return summaries
 
 
@@ -50,6 +70,16 @@ def frame_summaries(path: Path) -> list[FrameSummary]:
     errors = frame_errors(scenario, own_carrier(scenario), wanted)
     last = {correction.carrier: correction for correction in corrections}
     return [summarise(name, errors.get(name, []), last[name]) for name in sorted(last)]
+
+
+def picture_summary(path: Path) -> PictureSummary | None:
+    """The picture against the truth; None where the recording lacks either."""
+    wanted = (keys.TRUTH_TARGETS, keys.TRUTH_CARRIERS, keys.NAVIGATION, keys.TRACK)
+    with open_recording(path) as recording:
+        scenario = recording.scenario
+        known = (message.decode() for message in recording.messages(topics=wanted))
+        messages = cast("Iterable[Known]", known)
+        return summarise_picture(picture_errors(scenario, own_carrier(scenario), messages))
 
 
 def own_carrier(scenario: DeclaredScenario) -> str:
@@ -85,6 +115,36 @@ def print_frames(summaries: list[FrameSummary]) -> None:
     for s in summaries:
         if s.reason:
             console.print(f"{s.carrier}: {s.reason}", highlight=False)
+
+
+def print_picture(picture: PictureSummary) -> None:
+    """Print it as a table for people."""
+    table = Table(
+        title="Picture against the truth",
+        caption=PICTURE_NOTE,
+        caption_justify="left",
+        box=SIMPLE_HEAD,
+        padding=(0, 0, 0, 1),
+        pad_edge=False,
+    )
+    for heading in PICTURE_HEADINGS:
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_row(*picture_cells(picture))
+    Console().print(table, highlight=False)
+
+
+def picture_cells(picture: PictureSummary) -> tuple[str, ...]:
+    """The row under `PICTURE_HEADINGS`."""
+    return (
+        _number(picture.targets, ".1f"),
+        _number(picture.tracks, ".1f"),
+        _number(picture.missed, ".2f"),
+        _number(picture.false, ".2f"),
+        _number(picture.gospa_m, ".1f", " m"),
+        _number(picture.error_m, ".1f", " m"),
+        _number(picture.nees / DIMENSIONS, ".2f"),
+        str(picture.identity_changes),
+    )
 
 
 def _change(before: float, after: float, told: Callable[[float], str]) -> tuple[str, str, str]:

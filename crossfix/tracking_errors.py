@@ -7,7 +7,7 @@ gauge of the picture, and what they get wrong moves the whole of it.
 from __future__ import annotations
 
 from bisect import bisect_right, insort
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +35,9 @@ from .evaluation import symmetric
 CUTOFF_M = 500.0
 """GOSPA's c: a track further from all targets is false, a target further from all tracks missed."""
 
+KEPT = 4_096
+"""Steps of the truth, and poses, that pictures may still be compared with."""
+
 Known = Tracks | TruthTargets | TruthCarriers | Navigation
 
 
@@ -45,6 +48,7 @@ class PictureError(NamedTuple):
         gospa_m: p = 2, alpha = 2, c = `CUTOFF_M`.
         missed, false, matched: objects.
         error_m: root mean square of the matched tracks; nan without any.
+        sigma_m: what the matched tracks claim, root of their mean summed variances.
         nees: mean over matched tracks of their places, two degrees of freedom each.
         pairs: number of a true target and id of the track that matches it.
     """
@@ -57,6 +61,7 @@ class PictureError(NamedTuple):
     missed: int
     false: int
     error_m: float
+    sigma_m: float
     nees: float
     pairs: tuple[tuple[int, str], ...]
 
@@ -79,12 +84,11 @@ def picture_errors(
     scenario: DeclaredScenario, own: str, messages: Iterable[Known]
 ) -> list[PictureError]:
     """Every picture that the truth of its step is known of, in order of arrival."""
-    origin = scenario.origin
-    frame = _Gauge(Site(origin.latitude_rad, origin.longitude_rad, origin.altitude_m), own)
-    return [error for message in messages for error in frame.errors(message)]
+    judge = Judge(scenario, own)
+    return [error for message in messages for error in judge.errors(message)]
 
 
-def summarise_picture(errors: list[PictureError]) -> PictureSummary | None:
+def summarise_picture(errors: Sequence[PictureError]) -> PictureSummary | None:
     """The second half; None where there was no picture to judge."""
     late = errors[len(errors) // 2 :]
     if not late:
@@ -108,11 +112,13 @@ def summarise_picture(errors: list[PictureError]) -> PictureSummary | None:
     )
 
 
-class _Gauge:
-    """Remembers the truth and the own carrier's navigation as they pass by."""
+class Judge:
+    """Remembers the last truth and the own carrier's navigation as they pass by."""
 
-    def __init__(self, origin: Site, own: str) -> None:
-        self._origin, self._own = origin, own
+    def __init__(self, scenario: DeclaredScenario, own: str) -> None:
+        origin = scenario.origin
+        self._origin = Site(origin.latitude_rad, origin.longitude_rad, origin.altitude_m)
+        self._own = own
         self._targets: dict[int, TruthTargets] = {}
         self._carriers: dict[int, TruthCarriers] = {}
         self._steps: list[tuple[int, int]] = []
@@ -124,12 +130,20 @@ class _Gauge:
             case TruthTargets():
                 self._targets[message.step] = message
                 insort(self._steps, (message.t_ns, message.step))
+                self._forget()
             case TruthCarriers():
                 self._carriers[message.step] = message
             case Navigation() if message.carrier == self._own:
                 insort(self._navigation, message, key=_time)
+                del self._navigation[:-KEPT]
             case Tracks():
                 yield from self._judged(message)
+
+    def _forget(self) -> None:
+        for _, step in self._steps[:-KEPT]:
+            self._targets.pop(step, None)
+            self._carriers.pop(step, None)
+        del self._steps[:-KEPT]
 
     def _judged(self, picture: Tracks) -> Iterator[PictureError]:
         step = self._step_at(picture.t_ns)
@@ -173,6 +187,10 @@ class _Gauge:
         return target_from_source(self._origin, believed).apply(enu)[:, :2]
 
 
+def _claimed_m(spread: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.trace(spread[:, :2, :2], axis1=1, axis2=2))))
+
+
 def _time(message: Navigation) -> int:
     return message.t_ns
 
@@ -193,6 +211,7 @@ def _compared(picture: Tracks, number: list[int], true: np.ndarray) -> PictureEr
         missed=len(true) - len(pairs.truth),
         false=len(found) - len(pairs.truth),
         error_m=float(np.sqrt(np.mean((apart**2).sum(axis=1)))) if len(apart) else float("nan"),
+        sigma_m=_claimed_m(spread[pairs.estimate]) if len(apart) else float("nan"),
         nees=float(np.mean(nees)) if len(apart) else float("nan"),
         pairs=tuple(
             (number[i], picture.tracks[j].id)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import hypot
+from math import hypot, isnan
 
 import numpy as np
 from msgspec import Struct
@@ -11,6 +11,8 @@ from scipy.special import chdtri
 
 from crossfix.commands.info import ending
 from crossfix.evaluation import FrameSummary, summarise
+from crossfix.table import DIMENSIONS as PLACE_DIMENSIONS
+from crossfix.tracking_errors import summarise_picture
 from schemas.recording.fingerprint import Fingerprint
 
 from .accounts import (
@@ -78,12 +80,46 @@ class CarrierFigures(Struct, frozen=True, kw_only=True):
     truth: TruthFigures | None
 
 
+class PictureTruth(Struct, frozen=True, kw_only=True):
+    """The picture against the truth, means over the second half of the run.
+
+    Attributes:
+        targets, tracks, missed, false: numbers of them.
+        gospa_m: p = 2, c = `CUTOFF_M`.
+        error_m: root mean square of the places of tracks; None without any.
+        nees_per_dimension: of those places; 1 where their covariance is honest.
+        identity_changes: how often a target was taken over by another track.
+    """
+
+    targets: float
+    tracks: float
+    missed: float
+    false: float
+    gospa_m: float
+    error_m: float | None
+    nees_per_dimension: float | None
+    identity_changes: int
+
+
+class PictureFigures(Struct, frozen=True, kw_only=True):
+    """The tracks of the picture.
+
+    Attributes:
+        tracks: that are shown at the end.
+        truth: None where no truth is recorded.
+    """
+
+    tracks: int
+    truth: PictureTruth | None
+
+
 class Figures(Struct, frozen=True, kw_only=True):
     """All of them.
 
     Attributes:
         notices: what a reader should know before reading the rest.
         sampling: what of it is drawn only in part.
+        picture: None where the recording holds none.
     """
 
     recording: str
@@ -101,6 +137,7 @@ class Figures(Struct, frozen=True, kw_only=True):
     steps: int
     steps_declared: int
     carriers: list[CarrierFigures]
+    picture: PictureFigures | None
     losses: LossFigures
     news: list[News]
     timing: TimingFigures
@@ -129,6 +166,7 @@ def figures_of(story: Story, series: Sequence[FrameSeries]) -> Figures:
         steps=story.closings[-1].step if story.closings else 0,
         steps_declared=story.scenario.steps,
         carriers=[carrier_figures(s) for s in series],
+        picture=picture_figures(story),
         losses=loss_figures(story),
         news=news(story),
         timing=timing_figures(story),
@@ -136,6 +174,29 @@ def figures_of(story: Story, series: Sequence[FrameSeries]) -> Figures:
         versions=header.versions,
         fingerprint=header.fingerprint,
         config_hash=header.config_hash,
+    )
+
+
+def picture_figures(story: Story) -> PictureFigures | None:
+    """The picture's."""
+    if story.last_picture is None:
+        return None
+    return PictureFigures(tracks=len(story.last_picture.tracks), truth=_picture_truth(story))
+
+
+def _picture_truth(story: Story) -> PictureTruth | None:
+    found = summarise_picture(story.picture_errors)
+    if found is None:
+        return None
+    return PictureTruth(
+        targets=found.targets,
+        tracks=found.tracks,
+        missed=found.missed,
+        false=found.false,
+        gospa_m=found.gospa_m,
+        error_m=None if isnan(found.error_m) else found.error_m,
+        nees_per_dimension=None if isnan(found.nees) else found.nees / PLACE_DIMENSIONS,
+        identity_changes=found.identity_changes,
     )
 
 

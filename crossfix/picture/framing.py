@@ -40,10 +40,15 @@ class Frame(NamedTuple):
 
 
 class Labels(NamedTuple):
-    """Sides of the names: of carriers by what is written there, of targets in their order."""
+    """Sides of the names: of carriers by what is written there, of others in their order.
+
+    Attributes:
+        found: of the tracks of the picture that are there at the end.
+    """
 
     carriers: dict[str, Side]
     targets: list[Side]
+    found: list[Side]
 
 
 def frame_of(scene: Scene) -> Frame:
@@ -74,8 +79,15 @@ def labels_of(scene: Scene, own: str, frame: Frame) -> Labels:
     carriers = [mark for c in scene.carriers for mark in _carrier_marks(c, c.name == own, frame)]
     named = scene.targets if len(scene.targets) <= NAMED_TARGETS else ()
     targets = [_mark(frame, target.track, target.name, TARGET_PX) for target in named]
-    chosen = sides([*carriers, *targets], frame.on_screen(_lines(scene, frame)))
-    return Labels({m.text: chosen[m] for m in carriers}, [chosen[m] for m in targets])
+    here = [track for track in scene.found if track.last is not None]
+    few = here if len(here) <= NAMED_TARGETS else ()
+    found = [_mark(frame, track.way, track.name, TARGET_PX) for track in few]
+    chosen = sides([*carriers, *targets, *found], frame.on_screen(_lines(scene, frame)))
+    return Labels(
+        {m.text: chosen[m] for m in carriers},
+        [chosen[m] for m in targets],
+        [chosen[m] for m in found],
+    )
 
 
 def _carrier_marks(carrier: CarrierPicture, is_own: bool, frame: Frame) -> Iterator[Mark]:

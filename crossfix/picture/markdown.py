@@ -4,10 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from crossfix.table import NOTE
+from crossfix.table import NOTE, PICTURE_HEADINGS, PICTURE_NOTE
 
 from .figures import CarrierFigures, Figures, TruthFigures
-from .words import COUNTED, degrees, duration, instant, losses, metres, quantity, seconds, size
+from .words import (
+    COUNTED,
+    degrees,
+    duration,
+    instant,
+    losses,
+    metres,
+    picture_cells,
+    quantity,
+    seconds,
+    size,
+)
 
 
 def markdown_page(figures: Figures) -> str:
@@ -28,6 +39,7 @@ def _lines(f: Figures) -> Iterator[str]:
         yield f"> {_plain(notice)}"
         yield ""
     yield from _corrections(f)
+    yield from _picture(f)
     yield from _losses(f)
     yield from _run(f)
 
@@ -73,6 +85,20 @@ def _claimed(c: CarrierFigures) -> tuple[str, ...]:
     moved = (metres(c.moved_m), metres(c.sigma_m))
     turned = (degrees(c.turned_rad), degrees(c.sigma_rad))
     return (c.name, *moved, *turned, quantity(c.pairs, ".1f"))
+
+
+def _picture(f: Figures) -> Iterator[str]:
+    if f.picture is None:
+        return
+    yield "## Picture"
+    yield ""
+    yield f"{f.picture.tracks} tracks at the end."
+    yield ""
+    if f.picture.truth is not None:
+        yield PICTURE_NOTE
+        yield ""
+        yield from _table(PICTURE_HEADINGS, [picture_cells(f.picture.truth)])
+        yield ""
 
 
 def _losses(f: Figures) -> Iterator[str]:

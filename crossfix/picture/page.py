@@ -14,11 +14,12 @@ from jinja2 import Environment, StrictUndefined
 from msgspec.structs import astuple
 
 from crossfix import __version__
-from crossfix.table import NOTE
+from crossfix.table import NOTE, PICTURE_HEADINGS, PICTURE_NOTE
 
 from . import words
 from .clock import Clock
 from .corrections import MEAN_OF, correction_plots, error_cloud, nees_plot, state_plot
+from .errors import KEY, picture_plots
 from .figures import Figures, nees_interval
 from .health import (
     FUSED,
@@ -32,7 +33,7 @@ from .health import (
 )
 from .series import FrameSeries, presence
 from .story import Story
-from .style import FONT, STATES, Figure, colours, time_unit
+from .style import FONT, FOUND, STATES, Figure, colours, time_unit
 from .tactical import Layer, tactical_picture
 from .tracks import scene
 
@@ -72,6 +73,8 @@ def _plots(
         for number, plot in enumerate(correction_plots(s, clock, palette[s.carrier])):
             plots[f"correction/{s.carrier}/{number}"] = plot
         plots[f"cloud/{s.carrier}"] = error_cloud(s, palette[s.carrier])
+    for number, plot in enumerate(picture_plots(story, clock)):
+        plots[f"error/{number}"] = plot
     plots |= {
         "states": state_plot(series, clock) if series else None,
         "nees": nees_plot(series, clock, palette),
@@ -107,6 +110,7 @@ def _places(places: Mapping[str, str], figures: Figures) -> dict[str, Any]:
         "state_plot": places.get("states"),
         "nees": places.get("nees"),
         "clouds": under("cloud/"),
+        "picture_errors": under("error/"),
         "presence": places.get("presence"),
         "losses": places.get("losses"),
         "timing": [places[name] for name in ("pace", "load") if name in places],
@@ -151,6 +155,11 @@ _WORDS = {
     "interval": nees_interval(),
     "mean_of": MEAN_OF,
     "note": NOTE,
+    "picture_note": PICTURE_NOTE,
+    "picture_headings": PICTURE_HEADINGS,
+    "picture_cells": words.picture_cells,
+    "picture_key": KEY,
+    "found": FOUND,
     "font": FONT,
     "version": __version__,
 }

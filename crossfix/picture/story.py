@@ -8,9 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from msgspec import Struct
-
 from crossfix.table import own_carrier
+from crossfix.tracking_errors import Judge, PictureError
 from schemas import keys
 from schemas import messages as m
 from schemas.errors import RecordingError, WireError
@@ -20,6 +19,7 @@ from .thinning import Thinned
 
 LOGS_PER_SOURCE = 8_000
 TARGET_POINTS = 40_000
+TRACK_POINTS = 40_000
 """Bounds of what is drawn, so that a page stays small whatever the run was."""
 
 Source = tuple[str, str]
@@ -37,6 +37,8 @@ class Story(NamedTuple):
         reports: of every source, thinned.
         corrections: by carrier.
         truth_carriers: empty where the run was no simulation.
+        pictures: thinned; last_picture: the last of all, None where there is none.
+        picture_errors: of every picture of which the truth is known.
         flags: what looked wrong with a source, and at how many Closed messages.
         unreadable: messages that could not be decoded.
         damage: where reading ended before the file did; empty if it did not.
@@ -53,6 +55,9 @@ class Story(NamedTuple):
     corrections: Mapping[str, Sequence[m.Correction]]
     truth_carriers: Sequence[m.TruthCarriers]
     truth_targets: Thinned[m.TruthTargets]
+    pictures: Thinned[m.Tracks]
+    last_picture: m.Tracks | None
+    picture_errors: Sequence[PictureError]
     closings: Sequence[m.Closed]
     health: Sequence[m.Health]
     states: Mapping[str, Sequence[m.ProcessState]]
@@ -94,21 +99,27 @@ def read_story(path: Path) -> Story:
     Raises:
         RecordingError: no recording, or one without its scenario.
     """
-    teller, damage = _Teller(), ""
+    damage = ""
     with open_recording(path) as recording:
         scenario = recording.scenario
+        teller = _Teller(scenario)
         try:
             for message in recording.messages(topics=_TOLD):
                 teller.hear(message)
         except RecordingError as error:
             damage = str(error)
-    return teller.story(summary(path), scenario, damage)
+    return teller.story(summary(path), damage)
 
 
 class _Teller:
     """Takes messages in and sorts them."""
 
-    def __init__(self) -> None:
+    def __init__(self, scenario: m.DeclaredScenario) -> None:
+        self._scenario = scenario
+        self._judge = Judge(scenario, own_carrier(scenario))
+        self._picture_errors: list[PictureError] = []
+        self._pictures = Thinned[m.Tracks](TRACK_POINTS)
+        self._last_picture: m.Tracks | None = None
         self._navigation: dict[str, list[m.Navigation]] = defaultdict(list)
         self._sources: dict[Source, m.SourceProperties] = {}
         self._reports: dict[Source, Thinned[m.SourceReport]] = {}
@@ -123,10 +134,12 @@ class _Teller:
         self._unreadable = 0
         self._last_ns = 0
         self._takers: dict[keys.Topic, Callable[..., object]] = {
-            keys.NAVIGATION: lambda n: self._navigation[n.carrier].append(n),
+            keys.NAVIGATION: self._hear_navigation,
             keys.SOURCE: lambda i: self._sources.update({(i.carrier, i.source): i.properties}),
             keys.CORRECTION: lambda c: self._corrections[c.carrier].append(c),
-            keys.TRUTH_CARRIERS: self._truth_carriers.append,
+            keys.TRUTH_CARRIERS: self._hear_truth,
+            keys.TRUTH_TARGETS: self._hear_targets,
+            keys.TRACK: self._hear_picture,
             keys.CLOSED_FUSION: self._closings.append,
             keys.HEALTH: self._health.append,
             keys.STATE: lambda s: self._states[s.process].append(s),
@@ -140,14 +153,14 @@ class _Teller:
         if message.address.topic is keys.REPORT:
             source = message.address.ids["carrier"], message.address.ids["source"]
             thinned = self._reports.setdefault(source, Thinned(LOGS_PER_SOURCE))
-            self._thin(thinned, message, len)
-        elif message.address.topic is keys.TRUTH_TARGETS:
-            self._thin(self._truth_targets, message, lambda targets: len(targets.number))
+            if thinned.wants_next() and (report := self._decoded(message)) is not None:
+                thinned.keep(report, len(report))
         elif (decoded := self._decoded(message)) is not None:
             self._takers[message.address.topic](decoded)
 
-    def story(self, summary: Summary, scenario: m.DeclaredScenario, damage: str) -> Story:
+    def story(self, summary: Summary, damage: str) -> Story:
         """All that was heard."""
+        scenario = self._scenario
         declared = {(c.name, s): p for c in scenario.carriers for s, p in c.sources.items()}
         closings = sorted(self._closings, key=lambda closed: closed.step)
         start_ns = self._start_ns(scenario)
@@ -166,6 +179,9 @@ class _Teller:
             },
             truth_carriers=sorted(self._truth_carriers, key=lambda truth: truth.step),
             truth_targets=self._truth_targets,
+            pictures=self._pictures,
+            last_picture=self._last_picture,
+            picture_errors=self._picture_errors,
             closings=closings,
             health=self._health,
             states=dict(self._states),
@@ -181,11 +197,26 @@ class _Teller:
         within = 0 <= first - scenario.epoch_ns <= scenario.step_ns * scenario.steps
         return scenario.epoch_ns if within else first
 
-    def _thin(self, thinned: Thinned[Any], message: Recorded, weight: Callable[[Any], int]) -> None:
-        if thinned.wants_next() and (decoded := self._decoded(message)) is not None:
-            thinned.keep(decoded, weight(decoded))
+    def _hear_navigation(self, navigation: m.Navigation) -> None:
+        self._navigation[navigation.carrier].append(navigation)
+        self._picture_errors += self._judge.errors(navigation)
 
-    def _decoded(self, message: Recorded) -> Struct | None:
+    def _hear_truth(self, truth: m.TruthCarriers) -> None:
+        self._truth_carriers.append(truth)
+        self._picture_errors += self._judge.errors(truth)
+
+    def _hear_targets(self, targets: m.TruthTargets) -> None:
+        self._picture_errors += self._judge.errors(targets)
+        if self._truth_targets.wants_next():
+            self._truth_targets.keep(targets, len(targets.number))
+
+    def _hear_picture(self, picture: m.Tracks) -> None:
+        self._picture_errors += self._judge.errors(picture)
+        self._last_picture = picture
+        if self._pictures.wants_next():
+            self._pictures.keep(picture, len(picture.tracks))
+
+    def _decoded(self, message: Recorded) -> Any:
         try:
             return message.decode()
         except WireError:
@@ -200,5 +231,6 @@ class _Teller:
 
 _TOLD = (
     keys.NAVIGATION, keys.SOURCE, keys.REPORT, keys.CORRECTION, keys.TRUTH_CARRIERS,
-    keys.TRUTH_TARGETS, keys.CLOSED_FUSION, keys.HEALTH, keys.STATE, keys.EVENT, keys.QUALITY,
+    keys.TRUTH_TARGETS, keys.TRACK, keys.CLOSED_FUSION, keys.HEALTH, keys.STATE, keys.EVENT,
+    keys.QUALITY,
 )  # fmt: skip

@@ -12,7 +12,8 @@ from estimation.arrays import Array
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif"
 INK, FAINT, GRID, PAPER, SEA = "#1f2a37", "#66758a", "#e3e8ee", "#ffffff", "#f4f8fb"
-TRUTH = "#111827"
+TRUTH, FOUND = "#111827", "#b5179e"
+"""What is true, and the tracks that were found."""
 CARRIERS = (
     "#3b4cc0", "#d1495b", "#00897b", "#e08e0b", "#8e44ad", "#0288d1", "#6d4c41", "#7cb342",
     "#c2185b", "#455a64",

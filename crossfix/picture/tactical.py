@@ -34,8 +34,8 @@ from .framing import (
 )
 from .labels import Side
 from .logs import Logs
-from .style import FAINT, FONT, INK, SEA, TRUTH, Figure, TimeUnit, hover, new_figure, pale
-from .tracks import CarrierPicture, Ellipse, Scene, Track, TrueTarget
+from .style import FAINT, FONT, FOUND, INK, SEA, TRUTH, Figure, TimeUnit, hover, new_figure, pale
+from .tracks import CarrierPicture, Ellipse, FoundTrack, Scene, Track, TrueTarget
 
 KM = 1e-3
 Single = NDArray[np.float32]
@@ -46,7 +46,7 @@ class Layer(NamedTuple):
 
     Attributes:
         key: `name` of its renderers.
-        group: carrier, or truth.
+        group: carrier, truth or picture.
         look: line, dashed, dots, rings or text.
     """
 
@@ -69,10 +69,11 @@ def tactical_picture(
     for carrier in scene.carriers:
         drawing.good_logs(carrier, carrier.name == own, colours[carrier.name])
     drawing.true_targets(scene.targets)
+    drawing.found_tracks(scene.found)
     for carrier in scene.carriers:
         drawing.tracks(carrier, carrier.name == own, colours[carrier.name])
     _fit(plot, frame)
-    order = ["truth", own, *colours]
+    order = ["truth", "picture", own, *colours]
     return plot, sorted(drawing.layers, key=lambda layer: order.index(layer.group))
 
 
@@ -128,6 +129,47 @@ class _Drawing:
         if self._labels.targets:
             names = self._layer("truth", "names", FAINT, "text")
             self._text(names, ends, self._labels.targets, FAINT, TARGET_PX)
+
+    def found_tracks(self, found: Sequence[FoundTrack]) -> None:
+        """The tracks of the picture: where they went, and two sigma of where they are."""
+        if not found:
+            return
+        key = self._layer("picture", "tracks", FOUND, "line")
+        colours = [FOUND if track.sure else pale(FOUND) for track in found]
+        east, north = zip(*(_km(track.way.east_north_m) for track in found), strict=True)
+        ways = ColumnDataSource({
+            "x": [*east], "y": [*north], "colour": colours,
+            "name": [track.name for track in found], "said": [track.said for track in found],
+        })  # fmt: skip
+        lines = self._plot.multi_line(
+            "x", "y", source=ways, name=key, line_color="colour", line_width=2, line_alpha=0.75
+        )
+        self._plot.add_tools(hover([lines], _line(FOUND, "@name", "@said")))
+        self._found_ends([track for track in found if track.last is not None])
+
+    def _found_ends(self, found: Sequence[FoundTrack]) -> None:
+        """Two sigma of each track at the end, its place and its name."""
+        ellipses = [track.last for track in found if track.last is not None]
+        if not ellipses:
+            return
+        colours = [FOUND if track.sure else pale(FOUND) for track in found]
+        key = self._layer("picture", "2 sigma of tracks", FOUND, "rings")
+        source = _of_ellipses(ellipses)
+        source.add(colours, "colour")
+        source.add([track.name for track in found], "name")
+        source.add([track.said for track in found], "said")
+        rings = self._plot.ellipse(
+            "x", "y", "width", "height", "angle", source=source, name=key,
+            fill_color="colour", fill_alpha=0.2, line_color="colour", line_width=1.5,
+        )  # fmt: skip
+        marks = self._plot.scatter(
+            "x", "y", source=source, name=key, size=7, marker="diamond",
+            fill_color="white", line_color="colour", line_width=1.6,
+        )  # fmt: skip
+        self._plot.add_tools(hover([rings, marks], _line(FOUND, "@name", "@said")))
+        if self._labels.found:
+            names = self._layer("picture", "names", FOUND, "text")
+            self._text(names, source, self._labels.found, FOUND, TARGET_PX)
 
     def reported_logs(self, carrier: CarrierPicture, colour: str) -> None:
         """Target logs as another carrier reports them: pale, however many lie on one spot."""
@@ -226,16 +268,19 @@ class _Drawing:
         if not ellipses:
             return
         key = self._layer(group, "2 sigma of corrections", colour, "rings")
-        places = np.array([ellipse.east_north_m for ellipse in ellipses]) * KM
-        axes = np.array([ellipse.axes_m for ellipse in ellipses]) * KM
-        source = ColumnDataSource({
-            "x": places[:, 0], "y": places[:, 1], "width": axes[:, 0], "height": axes[:, 1],
-            "angle": np.array([ellipse.angle_rad for ellipse in ellipses]),
-        })  # fmt: skip
         self._plot.ellipse(
-            "x", "y", "width", "height", "angle", source=source, name=key,
+            "x", "y", "width", "height", "angle", source=_of_ellipses(ellipses), name=key,
             fill_color=colour, fill_alpha=0.25, line_color=INK, line_width=1.2,
         )  # fmt: skip
+
+
+def _of_ellipses(ellipses: Sequence[Ellipse]) -> ColumnDataSource:
+    places = np.array([ellipse.east_north_m for ellipse in ellipses]) * KM
+    axes = np.array([ellipse.axes_m for ellipse in ellipses]) * KM
+    return ColumnDataSource({
+        "x": places[:, 0], "y": places[:, 1], "width": axes[:, 0], "height": axes[:, 1],
+        "angle": np.array([ellipse.angle_rad for ellipse in ellipses]),
+    })  # fmt: skip
 
 
 def _line(colour: str, name: str, more: str) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from crossfix.evaluation import symmetric
 from estimation.arrays import Array
+from schemas import messages
 from schemas.messages import Correction, OwnAxes, Pose, TruthTargets
 
 from .axes import Axes
@@ -20,6 +21,8 @@ TRACK_POINTS = 400
 ELLIPSES = 8
 SIGMAS = 2.0
 """How many sigmas an ellipse or a band shows."""
+SURE = 0.9
+"""A track that exists with less is drawn pale."""
 SILENT_S = 10.0
 """A track is broken where nothing is known for longer than this and five usual intervals."""
 T = TypeVar("T")
@@ -66,15 +69,33 @@ class TrueTarget(NamedTuple):
     track: Track
 
 
+class FoundTrack(NamedTuple):
+    """One track of the picture.
+
+    Attributes:
+        said: what hovering tells of it.
+        sure: it is there at the end, and confirmed.
+        last: two sigma of its place at the end; None if it ended before.
+    """
+
+    name: str
+    said: str
+    way: Track
+    sure: bool
+    last: Ellipse | None
+
+
 class Scene(NamedTuple):
     """Everything in the tactical picture.
 
     Attributes:
+        found: tracks of the picture.
         names: of target logs, by the index they carry.
     """
 
     carriers: Sequence[CarrierPicture]
     targets: Sequence[TrueTarget]
+    found: Sequence[FoundTrack]
     names: Sequence[str]
 
 
@@ -82,7 +103,7 @@ def scene(story: Story) -> Scene:
     """The tactical picture of a story, in the axes the own carrier believes in."""
     axes, names = Axes(story), Names()
     carriers = [_carrier(story, axes, name, names) for name in story.carriers]
-    return Scene(carriers, _true_targets(story, axes), tuple(names.index))
+    return Scene(carriers, _true_targets(story, axes), found_tracks(story), tuple(names.index))
 
 
 def _carrier(story: Story, axes: Axes, name: str, names: Names) -> CarrierPicture:
@@ -177,6 +198,47 @@ def _true_targets(story: Story, axes: Axes) -> list[TrueTarget]:
         TrueTarget(*called[number], _track(story, [t for t, _ in way], [p for _, p in way]))
         for number, way in sorted(points.items())
     ]
+
+
+def found_tracks(story: Story) -> list[FoundTrack]:
+    """Every track of the picture, surely there or not, in the order they were begun."""
+    last = {track.id for track in story.last_picture.tracks} if story.last_picture else set()
+    points: dict[str, list[tuple[int, list[float]]]] = {}
+    newest: dict[str, messages.Track] = {}
+    for picture in _with_last(story):
+        for track in picture.tracks:
+            points.setdefault(track.id, []).append((picture.t_ns, track.position_m[:2]))
+            newest[track.id] = track
+    return [
+        _found(story, newest[name], points[name], at_end=name in last)
+        for name in sorted(points, key=lambda name: (len(name), name))
+    ]
+
+
+def _with_last(story: Story) -> list[messages.Tracks]:
+    pictures = list(story.pictures)
+    if story.last_picture is not None and pictures[-1] is not story.last_picture:
+        pictures.append(story.last_picture)
+    return pictures
+
+
+def _found(
+    story: Story, track: messages.Track, points: list[tuple[int, list[float]]], *, at_end: bool
+) -> FoundTrack:
+    some = [*_evenly(points[::-1], TRACK_POINTS)][::-1]
+    way = _track(story, [t for t, _ in some], [np.array(place) for _, place in some])
+    covariance = symmetric(track.covariance)[:2, :2]
+    last = ellipse(story.time_s(points[-1][0]), np.array(points[-1][1]), covariance)
+    sure = at_end and track.status == "confirmed" and track.existence >= SURE
+    return FoundTrack(track.id, _said(track), way, sure, last if at_end else None)
+
+
+def _said(track: messages.Track) -> str:
+    """Likeliest class, existence and who contributes."""
+    likely = max(track.classes.items(), key=lambda item: item[1], default=None)
+    kind = [f"{likely[0]} {100 * likely[1]:.0f} %"] if likely else []
+    there = f"exists {100 * track.existence:.3g} %"
+    return ", ".join([*kind, there, f"seen by {' '.join(track.carriers) or 'nobody'}"])
 
 
 def _called(targets: TruthTargets) -> dict[int, tuple[str, str]]:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from schemas.messages import DeclaredCarrier, DeclaredScenario, SourceProperties
 
 from .accounts import LossFigures
+from .figures import PictureTruth
 
 NOTHING = "-"
 COUNTED = {
@@ -42,6 +43,20 @@ def seconds(value: float | None) -> str:
 def quantity(value: float | None, form: str, unit: str = "") -> str:
     """A number with its unit; what is not known is a dash."""
     return NOTHING if value is None or math.isnan(value) else f"{value:{form}}{unit}"
+
+
+def picture_cells(truth: PictureTruth) -> tuple[str, ...]:
+    """The row under `crossfix.table.PICTURE_HEADINGS`."""
+    return (
+        quantity(truth.targets, ".1f"),
+        quantity(truth.tracks, ".1f"),
+        quantity(truth.missed, ".2f"),
+        quantity(truth.false, ".2f"),
+        quantity(truth.gospa_m, ".1f", " m"),
+        quantity(truth.error_m, ".1f", " m"),
+        quantity(truth.nees_per_dimension, ".2f"),
+        str(truth.identity_changes),
+    )
 
 
 def duration(span_s: float) -> str:

@@ -16,12 +16,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crossfix.picture.figures import Figures, nees_interval
+from crossfix.picture.markdown import markdown_page
 from crossfix.picture.report import read_figures, write_page
 from crossfix.picture.series import frame_series, presence
 from crossfix.picture.story import Story, read_story
 from crossfix.picture.thinning import Thinned, stride
 from crossfix.picture.tracks import Scene, Track, scene
-from crossfix.table import frame_summaries
+from crossfix.picture.words import picture_cells
+from crossfix.table import frame_summaries, picture_summary
+from crossfix.table import picture_cells as table_cells
 from estimation.arrays import Array
 from estimation.consistency import mean_interval
 from schemas import keys
@@ -81,6 +84,42 @@ def test_figures_are_those_of_the_table(whole: Path) -> None:
         assert carrier.truth.sigma_m == summary.sigma_m
         assert carrier.truth.nees_per_dimension == pytest.approx(summary.nees / 3)
         assert carrier.state == summary.state
+
+
+def test_picture_is_that_of_the_table(whole: Path, blind: Path) -> None:
+    figures, summary = read_figures(whole), picture_summary(whole)
+    assert summary is not None
+    assert figures.picture is not None
+    truth = figures.picture.truth
+    assert truth is not None
+    assert (truth.gospa_m, truth.error_m) == (summary.gospa_m, summary.error_m)
+    assert picture_cells(truth) == table_cells(summary)
+    unseen = read_figures(blind).picture
+    assert unseen is not None
+    assert unseen.tracks == figures.picture.tracks > 0
+    assert unseen.truth is None
+    assert picture_summary(blind) is None
+
+
+def test_no_picture_is_no_figure(folder: Path, whole: Path) -> None:
+    bare = recordings.without(whole, folder / "unpictured.mcap", keys.TRACK)
+    assert read_figures(bare).picture is None
+    assert scene(read_story(bare)).found == []
+    assert "## Picture" not in markdown_page(read_figures(bare))
+
+
+def test_tracks_end_on_targets_within_their_ellipses(story: Story, drawn: Scene) -> None:
+    shown = [track for track in drawn.found if track.last is not None]
+    assert story.last_picture is not None
+    assert [t.name for t in shown] == sorted(
+        (t.id for t in story.last_picture.tracks), key=lambda name: (len(name), name)
+    )
+    ends = np.array([target.track.east_north_m[-1] for target in drawn.targets])
+    for track in shown:
+        assert track.last is not None
+        away_m = np.hypot(*(ends - track.way.east_north_m[-1]).T).min()
+        assert away_m < track.last.axes_m.max()  # four sigma of the longest axis
+        assert (track.last.axes_m > 0).all()
 
 
 def test_band_of_nees_is_that_of_the_consistency_tests() -> None:
@@ -238,6 +277,7 @@ def test_markdown_has_a_whole_table_and_no_markup_of_others(
     names = crossfix("report", hostile, "--md").out
     assert "\\<img" in names
     assert "<img" not in names.replace("\\<img", "")
+    assert len([line for line in shown.splitlines() if line.startswith("| targets | tracks")]) == 1
 
 
 def test_page_goes_beside_the_recording_and_says_where(whole: Path, crossfix: Crossfix) -> None:
