@@ -77,9 +77,12 @@ def choice_of(options: ReplayOptions) -> Choice:
 def _play(
     recording: Recording, run: str, buses: Buses, options: ReplayOptions, console: Console
 ) -> Played:
-    playlist = Playlist(recording, choice_of(options))
+    choice = choice_of(options)
+    playlist = Playlist(recording, choice)
     with ExitStack() as stack:
-        speak: Outlet = Speaker(buses.data, run, renames_of(options.remap))
+        speaker = Speaker(buses.data, run, renames_of(options.remap))
+        speaker.prepare(recording, choice.roles)
+        speak: Outlet = speaker
         if options.as_world:
             member = stack.enter_context(Member(run, keys.WORLD, buses))
             speak = stack.enter_context(_as_world(member, recording, speak, options))

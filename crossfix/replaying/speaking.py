@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from schemas.bus.outbox import MAX_RECORDS, REPLY_BYTES
 from schemas.errors import BusError, WireError
 from schemas.messages import BackfillRecord, BackfillReply, BackfillRequest, Input
 from schemas.qos import Qos
-from schemas.recording.reader import Recorded, Recording
+from schemas.recording.reader import Recorded, Recording, known_channel
 
 from .remapping import NO_RENAMES, Renames
 
@@ -67,7 +67,7 @@ class Speaker:
 
     def __call__(self, message: Recorded) -> None:
         """Publish one message, and keep it for those who miss it."""
-        lane = self._lanes.get(message.key) or self._open(message)
+        lane = self._lanes.get(message.key) or self._open(message.key, message.address)
         payload = message.payload
         if lane.rename is not None:
             payload = self._renames.rewritten(message, lane.rename)
@@ -79,8 +79,14 @@ class Speaker:
         if lane.latched:
             self._latch(lane, Sample(lane.key, payload, message.encoding))
 
-    def _open(self, message: Recorded) -> _Lane:
-        address = message.address
+    def prepare(self, recording: Recording, roles: Container[keys.Role]) -> None:
+        """Declare what will be answered for, so that no message has to wait for that."""
+        for channel in recording.index.channels.values():
+            known = known_channel(channel)
+            if known is not None and known.address.topic.role in roles:
+                self._open(known.key, known.address)
+
+    def _open(self, key: str, address: keys.Address) -> _Lane:
         ids, rename = self._renames.ids(address)
         lane = _Lane(
             key=address.topic.key(self._run, *ids.values()),
@@ -90,7 +96,7 @@ class Speaker:
             rename=rename,
             latched=address.topic.latched,
         )
-        self._lanes[message.key] = lane
+        self._lanes[key] = lane
         if lane.process not in self._served:
             self._served.add(lane.process)
             self._bus.serve(keys.BACKFILL.key(self._run, lane.process), self._backfill)
