@@ -31,7 +31,7 @@ from schemas.messages import (
     Tracks,
 )
 
-from . import joint, memoryless, picture, rollback, timeline
+from . import joint, memoryless, passive_lines, picture, rollback, timeline
 from .intake import absorb, take_part
 from .links import status
 from .monitor import sentence
@@ -101,7 +101,8 @@ def step(state: State, closed: Closed, messages: Sequence[Input | Event]) -> tup
     state = take_part(state, closed)
     tally = _not_fused(batch, closed)
 
-    # per-source tracks -> report events (frames: searched for, then followed together) -> picture
+    # per-source tracks -> report events (frames: searched for, then followed together)
+    # -> picture, and what bearings alone say
     course = rollback.course(state, batch.instants)
     state = course.state
     for instant in course.instants:
@@ -120,7 +121,7 @@ def _fused(state: State, instant: timeline.Instant, course: Course, tally: Tally
     for message in instant.messages:
         state = absorb(state, message, tally if course.is_new(message) else silent)
     state = frames.after(state, of_event)
-    return picture.with_reports(state, instant)
+    return passive_lines.with_bearings(picture.with_reports(state, instant), instant)
 
 
 def _not_fused(batch: Batch, closed: Closed) -> Tally:
@@ -176,6 +177,7 @@ def _published(state: State, closed: Closed, batch: Batch, tally: Tally) -> tupl
         step=closed.step,
         t_ns=closed.t_ns,
         tracks=picture.tracks(state, closed.t_ns),
+        lines=passive_lines.lines(state, closed.t_ns),
     )
     outputs.append(Published(track, (centre,), drawn))
     outputs.append(Published(association, (centre,), associated))

@@ -107,6 +107,30 @@ class PictureSettings(Struct, frozen=True, kw_only=True):
     ] = 0.8
 
 
+class PassiveSettings(Struct, frozen=True, kw_only=True):
+    """How the bearings of passive sources are made solutions."""
+
+    enabled: Annotated[bool, Meta(description="whether bearings alone are solved at all")] = True
+    memory_s: Annotated[
+        float, _positive("bearings older than this before the newest are forgotten", 1e6)
+    ] = 1800.0
+    most_bearings: Annotated[
+        int, Meta(ge=3, le=10**4, description="of one target, the newest of them")
+    ] = 120
+    least_bearings: Annotated[
+        int, Meta(ge=3, le=10**4, description="before a target is solved for the first time")
+    ] = 4
+    most_targets: Annotated[
+        int, Meta(ge=1, le=10**5, description="whose bearings are kept, those seen last")
+    ] = 300
+    solve_every_s: Annotated[
+        float, Meta(ge=0, le=1e6, description="least time between two solutions of one target")
+    ] = 5.0
+    shown_s: Annotated[
+        float, _positive("for which a solution is told after its last bearing", 1e6)
+    ] = 60.0
+
+
 class NavigationSettings(Struct, frozen=True, kw_only=True):
     """How carriers are carried on between and after their navigation messages."""
 
@@ -194,6 +218,7 @@ class Settings(Struct, frozen=True, kw_only=True):
     registration: RegistrationSettings = RegistrationSettings()
     monitor: MonitorSettings = MonitorSettings()
     picture: PictureSettings = PictureSettings()
+    passive: PassiveSettings = PassiveSettings()
 
 
 class Description(NamedTuple):

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from estimation.tracking.tracker import Picture
 from schemas.messages import (
+    BearingLine,
     DeclaredCarrier,
     DeclaredScenario,
     Direction,
@@ -266,6 +267,24 @@ class Drawn(Struct, frozen=True, kw_only=True, eq=False):
     notes: dict[str, Notes] = {}
 
 
+class Line(Struct, frozen=True, kw_only=True, eq=False):
+    """The bearings of one target by one passive source, and what they were last said to mean.
+
+    Attributes:
+        identity: kind/name that others see too; may be empty.
+        t_ns: (n,) in increasing order.
+        seen: (n, 4) east and north of the carrier, bearing and its sigma, in the picture.
+        solved_t_ns: newest bearing behind `told`; tried_t_ns: when that was worked out.
+    """
+
+    identity: str = ""
+    t_ns: NDArray[np.int64]
+    seen: NDArray[np.float64]
+    told: BearingLine | None = None
+    solved_t_ns: int = -1
+    tried_t_ns: int = -1
+
+
 class Past(Struct, frozen=True, kw_only=True, eq=False):
     """One instant that has been fused, in case something older still comes.
 
@@ -287,6 +306,7 @@ class State(Struct, frozen=True, kw_only=True):
         window: sources that have reported since the last report event, carrier/source -> when.
         frames: of the carriers that are followed; None while there is none.
         past: the last few seconds, oldest first, for what comes late.
+        lines: by carrier/source/name of the target there.
         published: messages so far, by key.
     """
 
@@ -301,6 +321,7 @@ class State(Struct, frozen=True, kw_only=True):
     window: dict[str, int] = {}
     frames: Frames | None = None
     picture: Drawn = Drawn()
+    lines: dict[str, Line] = {}
     past: tuple[Past, ...] = ()
     published: dict[str, int] = {}
 

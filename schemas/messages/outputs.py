@@ -165,10 +165,53 @@ class Track(Struct, frozen=True, kw_only=True, omit_defaults=True):
     logs: list[LogId] = []
 
 
+class BearingLine(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What the bearings of one passive source say of one target, at the last of them.
+
+    Attributes:
+        id: carrier/source/name of the target there.
+        status: of the range; without a range no place is told, only the line and its interval.
+        t_ns: of the last bearing; observer_m: (east, north) of the carrier then.
+        bearing_rad: by the solution, clockwise from the picture's north; with its rate and the rate
+            of the range by the range.
+        range_low_m, range_high_m: 95 % interval; no upper end: it is open.
+        position_m, velocity_mps, covariance: as of a track, unless the range is undetermined.
+        motion: the most probable one, with its probability; runner_up: the next.
+        p_value: of the bearings' chi2; alarm: no motion that was tried explains them.
+        bearings: how many the solution rests on.
+    """
+
+    id: Text
+    status: Literal["determined", "weak", "undetermined"]
+    t_ns: TimeNs
+    observer_m: Annotated[list[Metres], Meta(min_length=2, max_length=2)]
+    bearing_rad: Angle
+    sigma_bearing_rad: Annotated[float, Meta(ge=0, le=1e12)]
+    bearing_rate_rad_s: Real = 0.0
+    range_rate_by_range_hz: Real = 0.0
+    range_low_m: Annotated[float, Meta(ge=0, le=1e9)] = 0.0
+    range_high_m: Annotated[float, Meta(ge=0, le=1e9)] | None = None
+    position_m: Annotated[list[Metres], Meta(min_length=2, max_length=2)] | None = None
+    velocity_mps: Annotated[list[MetresPerSecond], Meta(min_length=2, max_length=2)] | None = None
+    covariance: Triangle | None = None
+    motion: Text = ""
+    motion_probability: Share = 0.0
+    runner_up: Text = ""
+    p_value: Share = 1.0
+    alarm: bool = False
+    bearings: Count = 0
+
+
 class Tracks(Output, frozen=True, kw_only=True, omit_defaults=True):
-    """The picture at one instant."""
+    """The picture at one instant.
+
+    Attributes:
+        tracks: objects with a place.
+        lines: what bearings alone say of theirs.
+    """
 
     tracks: list[Track] = []
+    lines: list[BearingLine] = []
 
 
 class AssociatedTarget(Struct, frozen=True, kw_only=True, omit_defaults=True):

@@ -1,0 +1,44 @@
+"""A track from elsewhere: a target whose state another estimator has found."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from estimation.arrays import Array
+from estimation.tracking import bernoulli
+from estimation.tracking.bernoulli import Tracks
+from estimation.tracking.imm import Bank
+from estimation.tracking.tracker import Picture, Settings
+
+
+def seeded(
+    picture: Picture, mean: Array, covariance: Array, existence: float, settings: Settings
+) -> Picture:
+    """The picture with one track more; its identity is what `picture.begun` was.
+
+    Args:
+        mean: (4,) east, north [m] and their rates [m/s] at `picture.t_ns`.
+        covariance: (4, 4).
+        existence: probability that the target is there.
+    """
+    classes = np.asarray(settings.classes, dtype=float)[:, None]
+    bank = _of_one(mean, covariance)
+    new = Tracks(np.array([picture.begun]), np.array([existence]), bank, classes)
+    return picture._replace(tracks=bernoulli.joined(picture.tracks, new), begun=picture.begun + 1)
+
+
+def restated(picture: Picture, identity: int, mean: Array, covariance: Array) -> Picture:
+    """The picture with the state of one of its tracks told anew, by whoever knows it better."""
+    row = int(np.flatnonzero(picture.tracks.identity == identity)[0])
+    bank, told = picture.tracks.bank, _of_one(mean, covariance)
+    means, covariances = bank.mean.copy(), bank.covariance.copy()
+    means[..., row], covariances[..., row] = told.mean[..., 0], told.covariance[..., 0]
+    restated_bank = bank._replace(mean=means, covariance=covariances)
+    return picture._replace(tracks=picture.tracks._replace(bank=restated_bank))
+
+
+def _of_one(mean: Array, covariance: Array) -> Bank:
+    """A bank of one track, the same under both models; which one holds is open."""
+    both = np.repeat(mean[:, None, None], 2, axis=1)
+    spread = np.repeat(covariance[:, :, None, None], 2, axis=2)
+    return Bank(both, spread, np.full((2, 1), 0.5))
