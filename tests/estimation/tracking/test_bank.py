@@ -7,7 +7,7 @@ import pytest
 
 from estimation.arrays import Array
 from estimation.consistency import mean_interval, nees
-from estimation.tracking import Bank, begun, carried, improved, innovations
+from estimation.tracking.bank import Bank, begun, carried, improved, innovations
 
 Q, SIGMA_V = 0.5, 20.0
 
