@@ -44,8 +44,8 @@ def with_bearings(state: State, instant: Instant) -> State:
         if isinstance(message, SourceReport) and message.bearing_rad and message.range_m is None:
             with np.errstate(all="ignore"):  # numbers from the wire may be anything in bounds
                 axes = placed(state, message.carrier, message.t_ns)
-            if axes is not None:
-                state = _with_report(state, message, axes)
+                if axes is not None:
+                    state = _with_report(state, message, axes)
     return state
 
 

@@ -47,21 +47,37 @@ def with_reports(state: State, instant: Instant) -> State:
     return state
 
 
+@np.errstate(all="ignore")  # numbers from the wire may be anything within its bounds
 def _with_report(state: State, report: SourceReport) -> State:
-    with np.errstate(all="ignore"):  # numbers from the wire may be anything within its bounds
-        axes = placed(state, report.carrier, report.t_ns)
-        seen = plots(state, report, axes) if axes else None
+    axes = placed(state, report.carrier, report.t_ns)
+    seen = plots(state, report, axes) if axes else None
     if seen is None:
         return state
     settings = settings_of(state)
     before = state.picture.picture or tracker.nothing(settings, report.t_ns)
     seen = _not_before(seen, before.t_ns)
     names = _names(report, seen)
-    after, done = tracker.step(before, seen.scan, settings, _by_name(state.picture, before, names))
+    by_name = _by_name(state.picture, before, names)
+    try:
+        after, done = tracker.step(before, seen.scan, settings, by_name)
+    except (np.linalg.LinAlgError, ValueError):
+        return state
+    after = _sane(after)
     notes = _noted(state, report, seen, names, done)
     alive = {str(number) for number in after.tracks.identity.tolist()}
     kept = {number: note for number, note in notes.items() if number in alive}
     return replace(state, picture=Drawn(picture=after, notes=kept))
+
+
+def _sane(picture: Picture) -> Picture:
+    """The picture without tracks whose numbers are none."""
+    bank = picture.tracks.bank
+    finite = np.isfinite(bank.mean).all(axis=(0, 1)) & np.isfinite(bank.model).all(axis=0)
+    finite &= np.isfinite(bank.covariance).all(axis=(0, 1, 2))
+    finite &= np.isfinite(picture.tracks.existence)
+    if finite.all():
+        return picture
+    return picture._replace(tracks=picture.tracks.take(np.flatnonzero(finite)))
 
 
 def settings_of(state: State) -> tracker.Settings:

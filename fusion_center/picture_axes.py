@@ -84,7 +84,15 @@ class Placed(NamedTuple):
 
 
 def placed(state: State, carrier: str, t_ns: int) -> Placed | None:
-    """How a carrier lies in the picture; None while its frame may not be used."""
+    """How a carrier lies in the picture; None while its frame may not be used or is no number."""
+    try:
+        axes = _placed(state, carrier, t_ns)
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    return axes if axes and np.isfinite([*axes.place_m(), axes.turn_rad]).all() else None
+
+
+def _placed(state: State, carrier: str, t_ns: int) -> Placed | None:
     own_messages = state.carriers[state.own].navigation if state.own in state.carriers else ()
     if not own_messages:
         return None

@@ -23,6 +23,7 @@ from .state import State
 
 LEAST_DETECTION, MOST_DETECTION = 0.05, 0.98
 MOST_REACH_M = 200_000.0
+MOST_PLACE_M = 1e7
 
 
 class Plots(NamedTuple):
@@ -65,11 +66,20 @@ def _places(
     here = found.east_north_m[index] + moved[index]
     place = axes.places_m(here, found.altitude_m[index])
     covariance = axes.turned(found.covariance[index])
+    sane = np.flatnonzero(_are_sane(place, covariance))
+    index, place, covariance = index[sane], place[sane], covariance[sane]
     offset: Array = np.multiply(instants_ns(report)[index] - report.t_ns, NS)
     jitter = np.nan_to_num(column(report.sigma_time_offset_s, len(report)))[index]
     if report.bearing_rad is None or report.range_m is None:
         return places(place, covariance, offset, jitter), index
     return _by_bearing(axes.place_m(), place, covariance, (offset, jitter)), index
+
+
+def _are_sane(place: Array, covariance: Array) -> NDArray[np.bool_]:
+    """(m,) which plots are on this planet, with a covariance that is one."""
+    near: NDArray[np.bool_] = np.hypot(*place.T) < MOST_PLACE_M
+    spread, turned = np.trace(covariance, axis1=1, axis2=2), np.linalg.det(covariance)
+    return np.asarray(near & (spread < MOST_PLACE_M**2) & (turned > 0) & np.isfinite(turned))
 
 
 def _by_bearing(
