@@ -65,24 +65,24 @@ def targets(number: int, at: tuple[float, float]) -> list[TrueTarget]:
 
 
 def test_the_frame_holds_every_carrier_and_every_target_of_a_few() -> None:
-    scene = Scene([carrier("own", (0, 0), (100, 50))], targets(1, (-400, 900)), ())
+    scene = Scene([carrier("own", (0, 0), (100, 50))], targets(1, (-400, 900)), (), ())
     assert frame_of(scene).corners_m.tolist() == [[-400, 0], [100, 900]]
 
 
 def test_one_of_many_ships_at_the_horizon_does_not_shrink_the_others() -> None:
     many = [*targets(2 * NAMED_TARGETS, (1000, 1000)), *targets(1, (90_000, 0))]
-    scene = Scene([carrier("own", (0, 0), (10, 0))], many, ())
+    scene = Scene([carrier("own", (0, 0), (10, 0))], many, (), ())
     assert frame_of(scene).corners_m.tolist() == [[0, 0], [1000, 1000]]
     assert labels_of(scene, "own", frame_of(scene)).targets == []
 
 
 def test_without_truth_most_logs_are_in_it() -> None:
     logs = np.vstack([np.full((200, 2), 700.0), [[1e6, 1e6]]])
-    scene = Scene([carrier("own", (0, 0), (10, 0), logs=logs)], [], ())
+    scene = Scene([carrier("own", (0, 0), (10, 0), logs=logs)], [], (), ())
     assert frame_of(scene).corners_m.tolist() == [[0, 0], [700, 700]]
 
 
-@pytest.mark.parametrize("scene", [Scene([], [], ()), Scene([carrier("own")], [], ())])
+@pytest.mark.parametrize("scene", [Scene([], [], (), ()), Scene([carrier("own")], [], (), ())])
 def test_nothing_known_is_an_empty_frame_and_no_names(scene: Scene) -> None:
     frame = frame_of(scene)
     assert frame.corners_m.shape == (2, 2)
@@ -99,6 +99,6 @@ def test_the_screen_has_one_scale_north_up_and_room_for_all() -> None:
 
 def test_a_carrier_has_its_name_where_it_is_and_where_it_reports_to_be() -> None:
     other = carrier("other", (500, 500))._replace(corrected=track((600, 500)))
-    scene = Scene([carrier("own", (0, 0)), other], [], ())
+    scene = Scene([carrier("own", (0, 0)), other], [], (), ())
     labels = labels_of(scene, "own", frame_of(scene))
     assert set(labels.carriers) == {"own", "other", "other, reported"}
