@@ -25,8 +25,8 @@ from schemas.messages import SourceReport, Track
 from .navigation import NS, upper_triangle
 from .picture_axes import placed
 from .picture_classes import classes_of
-from .picture_scans import Plots, plots
-from .state import Drawn, Notes, State
+from .picture_scans import Plots, plots, told_key
+from .state import Drawn, Notes, State, Told
 from .timeline import Instant
 
 SAME_NAME, OTHER_NAME = 12.0, -12.0
@@ -66,7 +66,16 @@ def _with_report(state: State, report: SourceReport) -> State:
     notes = _noted(state, report, seen, names, done)
     alive = {str(number) for number in after.tracks.identity.tolist()}
     kept = {number: note for number, note in notes.items() if number in alive}
-    return replace(state, picture=Drawn(picture=after, notes=kept))
+    return replace(state, picture=Drawn(picture=after, notes=kept, told=_told(state, report, seen)))
+
+
+def _told(state: State, report: SourceReport, seen: Plots) -> dict[str, Told]:
+    """What is remembered of sources that send tracks; not of earlier lives of their carriers."""
+    if seen.told is None:
+        return state.picture.told
+    alive = {f"{name}/{carrier.boot}" for name, carrier in state.carriers.items()}
+    kept = {k: t for k, t in state.picture.told.items() if k.rpartition("/")[0] in alive}
+    return {**kept, told_key(state, report): seen.told}
 
 
 def _sane(picture: Picture) -> Picture:

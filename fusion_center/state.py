@@ -260,11 +260,33 @@ class Notes(Struct, frozen=True, kw_only=True):
     logs: dict[str, str] = {}
 
 
+class Told(Struct, frozen=True, kw_only=True, eq=False):
+    """What a source that tracks by itself has said last, as columns; n tracks.
+
+    Attributes:
+        names: of its tracks.
+        t_ns: (n,) of their last logs; used_ns: until when what they know is in the picture.
+        state: (n, 4) place over ground and velocity of their filters, along the carrier's axes;
+            nan where no filter was sent. covariance: (n, 4, 4).
+    """
+
+    names: tuple[str, ...]
+    t_ns: NDArray[np.int64]
+    used_ns: NDArray[np.int64]
+    state: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+
 class Drawn(Struct, frozen=True, kw_only=True, eq=False):
-    """The picture: what the tracker knows, and notes by track number; None before any plot."""
+    """The picture: what the tracker knows, and notes by track number; None before any plot.
+
+    Attributes:
+        told: of sources that send tracks, by carrier/boot/source.
+    """
 
     picture: Picture | None = None
     notes: dict[str, Notes] = {}
+    told: dict[str, Told] = {}
 
 
 class Line(Struct, frozen=True, kw_only=True, eq=False):
