@@ -7,26 +7,29 @@ own instant, and the picture leaves with the Closed that ended its time.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from estimation.arrays import Array
+from estimation.object_count import Count
 from estimation.tracking import tracker
 from estimation.tracking.bernoulli import PairTerm
 from estimation.tracking.imm import Motion
 from estimation.tracking.tracker import Association, Picture
 from estimation.tracking.undetected import Region
-from schemas.messages import SourceReport, Track
+from schemas.messages import Input, SourceProperties, SourceReport, Track
 
 from .navigation import NS, upper_triangle
 from .picture_axes import placed
 from .picture_classes import classes_of
 from .picture_scans import Plots, plots, told_key
-from .state import Drawn, Notes, State, Told
+from .picture_watch import flags, look, watched
+from .quality import Tally
+from .state import Drawn, Notes, State, Watched
 from .timeline import Instant
 
 SAME_NAME, OTHER_NAME = 12.0, -12.0
@@ -37,18 +40,24 @@ MOST_SPEED_MPS = 1e5
 _COVARIANCE = upper_triangle(4)
 
 
-def with_reports(state: State, instant: Instant) -> State:
-    """The state with the reports of one instant in its picture."""
+def with_reports(
+    state: State, instant: Instant, tally_of: Callable[[Input], Tally] = lambda message: Tally()
+) -> State:
+    """The state with the reports of one instant in its picture.
+
+    Args:
+        tally_of: where a message is counted.
+    """
     if not state.settings.picture.enabled:
         return state
     for message in instant.messages:
         if isinstance(message, SourceReport):
-            state = _with_report(state, message)
+            state = _with_report(state, message, tally_of(message))
     return state
 
 
 @np.errstate(all="ignore")  # numbers from the wire may be anything within its bounds
-def _with_report(state: State, report: SourceReport) -> State:
+def _with_report(state: State, report: SourceReport, tally: Tally) -> State:
     axes = placed(state, report.carrier, report.t_ns)
     seen = plots(state, report, axes) if axes else None
     if seen is None:
@@ -66,16 +75,34 @@ def _with_report(state: State, report: SourceReport) -> State:
     notes = _noted(state, report, seen, names, done)
     alive = {str(number) for number in after.tracks.identity.tolist()}
     kept = {number: note for number, note in notes.items() if number in alive}
-    return replace(state, picture=Drawn(picture=after, notes=kept, told=_told(state, report, seen)))
+    told = {} if seen.told is None else {told_key(state, report): seen.told}
+    counts = _watched(state, report, done, tally)
+    drawn = Drawn(
+        picture=after,
+        notes=kept,
+        told=_of_the_living(state, {**state.picture.told, **told}),
+        watched=_of_the_living(state, {**state.picture.watched, **counts}),
+    )
+    return replace(state, picture=drawn)
 
 
-def _told(state: State, report: SourceReport, seen: Plots) -> dict[str, Told]:
-    """What is remembered of sources that send tracks; not of earlier lives of their carriers."""
-    if seen.told is None:
-        return state.picture.told
+def _of_the_living(state: State, by_source: dict[str, Any]) -> dict[str, Any]:
+    """What is remembered of sources, without earlier lives of their carriers."""
     alive = {f"{name}/{carrier.boot}" for name, carrier in state.carriers.items()}
-    kept = {k: t for k, t in state.picture.told.items() if k.rpartition("/")[0] in alive}
-    return {**kept, told_key(state, report): seen.told}
+    return {key: value for key, value in by_source.items() if key.rpartition("/")[0] in alive}
+
+
+def _watched(
+    state: State, report: SourceReport, done: Association, tally: Tally
+) -> dict[str, Watched]:
+    """How a source agrees with the picture after one more report, counted and told."""
+    properties = state.sources(report.carrier).get(report.stream, SourceProperties())
+    seen = look(done, 1 if properties.coordinates == "bearing" else 2)
+    key = told_key(state, report)
+    now = watched(state.picture.watched.get(key, Watched()), seen)
+    false = properties.clutter_per_scan + state.settings.tracking.clutter_per_scan
+    tally.pictured(report, seen, flags(now, false))
+    return {key: now}
 
 
 def _sane(picture: Picture) -> Picture:
@@ -172,6 +199,15 @@ def _taken(done: Association) -> Iterable[tuple[int, int]]:
     begun = np.flatnonzero(done.begun >= 0)
     taken = set(done.plot[sure].tolist())
     yield from ((int(done.begun[p]), p) for p in begun.tolist() if p not in taken)
+
+
+def objects(state: State, t_ns: int) -> Count:
+    """How many objects there are where a sensor ever looked, shown or not."""
+    drawn = state.picture
+    if drawn.picture is None:
+        return Count(0.0, 0.0)
+    later = tracker.predicted(drawn.picture, max(t_ns, drawn.picture.t_ns), settings_of(state))
+    return tracker.number(later)
 
 
 def tracks(state: State, t_ns: int) -> list[Track]:

@@ -121,7 +121,10 @@ def _fused(state: State, instant: timeline.Instant, course: Course, tally: Tally
     for message in instant.messages:
         state = absorb(state, message, tally if course.is_new(message) else silent)
     state = frames.after(state, of_event)
-    return passive_lines.with_bearings(picture.with_reports(state, instant), instant)
+    state = picture.with_reports(
+        state, instant, lambda message: tally if course.is_new(message) else silent
+    )
+    return passive_lines.with_bearings(state, instant)
 
 
 def _not_fused(batch: Batch, closed: Closed) -> Tally:
@@ -171,11 +174,14 @@ def _published(state: State, closed: Closed, batch: Batch, tally: Tally) -> tupl
         gave_up=batch.gave_up_count,
         messages=batch.fused,
     )
+    objects = picture.objects(state, closed.t_ns)
     drawn = Tracks(
         centre=centre,
         seq=number(track, centre),
         step=closed.step,
         t_ns=closed.t_ns,
+        objects=objects.mean,
+        sigma_objects=objects.sigma,
         tracks=picture.tracks(state, closed.t_ns),
         lines=passive_lines.lines(state, closed.t_ns),
     )

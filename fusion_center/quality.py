@@ -10,6 +10,7 @@ from estimation.arrays import Array
 from schemas.messages import AssociatedTarget, Input, SourceQuality, SourceReport
 
 from .association import Method, Pair
+from .picture_watch import Look
 from .sightings import Sightings
 from .source_logs import Absorbed
 
@@ -27,6 +28,10 @@ class _Row:
     sigma_defaults: int = 0
     nis: float = 0.0
     nis_dof: int = 0
+    taken: int = 0
+    lone: int = 0
+    track_nis: float = 0.0
+    track_nis_dof: int = 0
     associated: set[str] = field(default_factory=set)
     flags: dict[str, None] = field(default_factory=dict)
 
@@ -84,6 +89,15 @@ class Tally:
             f"stamped {ahead_s:.3g} s after the closing: not fused"
         ] = None
 
+    def pictured(self, report: SourceReport, seen: Look, flags: Iterable[str]) -> None:
+        """What a report had to do with the tracks of the picture, and what is odd about it."""
+        row = self._row(report.carrier, report.stream)
+        row.taken += seen.taken
+        row.lone += seen.lone
+        row.track_nis += seen.nis
+        row.track_nis_dof += seen.dof
+        row.flags.update(dict.fromkeys(flags))
+
     def registered(
         self,
         carriers: tuple[str, str],
@@ -124,8 +138,12 @@ class Tally:
                 late=row.late,
                 associated=len(row.associated),
                 sigma_defaults=row.sigma_defaults,
-                nis=min(max(row.nis / row.nis_dof, 0.0), 1e18) if row.nis_dof else 0.0,
+                nis=_per_degree(row.nis, row.nis_dof),
                 nis_dof=row.nis_dof,
+                taken=row.taken,
+                lone=row.lone,
+                track_nis=_per_degree(row.track_nis, row.track_nis_dof),
+                track_nis_dof=row.track_nis_dof,
                 flag="; ".join(row.flags)[:1024],
             )
             for (carrier, source), row in sorted(self._rows.items(), key=lambda item: item[0])
@@ -157,6 +175,10 @@ class Tally:
         if (carrier, stream) not in self._rows:
             self._rows[carrier, stream] = _Row()
         return self._rows[carrier, stream]
+
+
+def _per_degree(nis: float, dof: int) -> float:
+    return min(max(nis / dof, 0.0), 1e18) if dof else 0.0
 
 
 def _least_sure(found: Iterable[_Match]) -> Method:

@@ -277,16 +277,33 @@ class Told(Struct, frozen=True, kw_only=True, eq=False):
     covariance: NDArray[np.float64]
 
 
+class Watched(Struct, frozen=True, kw_only=True):
+    """How a source agrees with the picture; counts of a report fade as more come, see `weight`.
+
+    Attributes:
+        reports: all of them; weight: of those that are not forgotten.
+        lone: plots of no track.
+        nis: of plots and the tracks they are of; dof: its degrees of freedom.
+    """
+
+    reports: int = 0
+    weight: float = 0.0
+    lone: float = 0.0
+    nis: float = 0.0
+    dof: float = 0.0
+
+
 class Drawn(Struct, frozen=True, kw_only=True, eq=False):
     """The picture: what the tracker knows, and notes by track number; None before any plot.
 
     Attributes:
-        told: of sources that send tracks, by carrier/boot/source.
+        told: of sources that send tracks, by carrier/boot/source; watched: of all, alike.
     """
 
     picture: Picture | None = None
     notes: dict[str, Notes] = {}
     told: dict[str, Told] = {}
+    watched: dict[str, Watched] = {}
 
 
 class Line(Struct, frozen=True, kw_only=True, eq=False):

@@ -208,10 +208,13 @@ class Tracks(Output, frozen=True, kw_only=True, omit_defaults=True):
     Attributes:
         tracks: objects with a place.
         lines: what bearings alone say of theirs.
+        objects: number of them expected where any sensor has looked, shown as tracks or not.
     """
 
     tracks: list[Track] = []
     lines: list[BearingLine] = []
+    objects: Annotated[float, Meta(ge=0, le=1e9)] = 0.0
+    sigma_objects: Annotated[float, Meta(ge=0, le=1e9)] = 0.0
 
 
 class AssociatedTarget(Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -251,6 +254,8 @@ class SourceQuality(Struct, frozen=True, kw_only=True, omit_defaults=True):
         logs: fused; late: not fused because too old; associated: with another carrier's log.
         sigma_defaults: logs that brought no sigma of their own.
         nis: mean normalised squared misclosure per degree of freedom, `nis_dof` of them.
+        taken, lone: plots that are of a track of the picture, and of none.
+        track_nis: as `nis`, of the taken plots and what their tracks had foretold.
         flag: what looks wrong, in words.
     """
 
@@ -262,6 +267,10 @@ class SourceQuality(Struct, frozen=True, kw_only=True, omit_defaults=True):
     sigma_defaults: Count = 0
     nis: Annotated[float, Meta(ge=0, le=1e18)] = 0.0
     nis_dof: Count = 0
+    taken: Count = 0
+    lone: Count = 0
+    track_nis: Annotated[float, Meta(ge=0, le=1e18)] = 0.0
+    track_nis_dof: Count = 0
     flag: Text = ""
 
 
