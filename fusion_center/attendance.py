@@ -66,10 +66,15 @@ class Attendance:
         news = self._once(f"no room for {life.process}, boot {life.boot}" for life in refused)
         carriers = {life.process for life in self._seen} - set(keys.RESERVED_PROCESSES)
         gone, come = sorted(self._here - carriers), sorted(carriers - self._here)
+        replaced = sorted({life.process for life in lost} & self._here & carriers)
         self._here = carriers
         for carrier in gone:
             self._lost[carrier] = None
             news.append(f"carrier {carrier} is lost: its liveliness token is gone")
+        for carrier in replaced:  # it came back before its loss was noticed
+            news.append(
+                f"carrier {carrier} is lost: the token of one boot is gone, another is here"
+            )
         for carrier in come:
             self._lost.pop(carrier, None)
             news.append(f"carrier {carrier} has come")

@@ -121,6 +121,17 @@ def test_twins_and_strangers_are_told_once() -> None:
     assert attendance.strangers([Life("mallory", "other")]) == []
 
 
+def test_a_carrier_back_before_its_loss_was_noticed_is_told_all_the_same() -> None:
+    attendance = Attendance(Lives())
+    first, second = (keys.alive("r", "alpha", boot) for boot in ("a", "b"))
+    attendance.update([Liveness(first, True, True)], True, 0.0)
+    attendance.update([Liveness(first, False, True), Liveness(second, True, True)], True, 1.0)
+    changes = attendance.update([], True, 2.0)
+    (told,) = changes.news
+    assert told.startswith("carrier alpha is lost")
+    assert (changes.come, changes.gone) == ([], [])
+
+
 def test_a_strangers_world_token_that_goes_ends_nothing() -> None:
     attendance = Attendance(Lives())
     tokens = [keys.alive("r", keys.WORLD, boot) for boot in ("w", "forged")]

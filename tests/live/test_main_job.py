@@ -108,7 +108,7 @@ def test_a_paced_run_refuses_to_the_same_bytes(tmp_path: Path) -> None:
     path = tmp_path / "paced.mcap"
     with LiveRun(PATROL, path, RunOptions(rate="20")) as run:
         assert run.await_end() == 0
-    assert len({key for key, _ in outputs(path)}) == 3
+    assert len({key for key, _ in outputs(path)}) == 4
     assert outputs(path) == refused(path)
 
 
