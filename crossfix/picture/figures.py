@@ -106,10 +106,13 @@ class PictureFigures(Struct, frozen=True, kw_only=True):
 
     Attributes:
         tracks: that are shown at the end.
+        objects: number of them expected then, shown or not, and its sigma.
         truth: None where no truth is recorded.
     """
 
     tracks: int
+    objects: float
+    sigma_objects: float
     truth: PictureTruth | None
 
 
@@ -179,9 +182,15 @@ def figures_of(story: Story, series: Sequence[FrameSeries]) -> Figures:
 
 def picture_figures(story: Story) -> PictureFigures | None:
     """The picture's."""
-    if story.last_picture is None:
+    last = story.last_picture
+    if last is None:
         return None
-    return PictureFigures(tracks=len(story.last_picture.tracks), truth=_picture_truth(story))
+    return PictureFigures(
+        tracks=len(last.tracks),
+        objects=last.objects,
+        sigma_objects=last.sigma_objects,
+        truth=_picture_truth(story),
+    )
 
 
 def _picture_truth(story: Story) -> PictureTruth | None:

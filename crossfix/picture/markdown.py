@@ -92,7 +92,8 @@ def _picture(f: Figures) -> Iterator[str]:
         return
     yield "## Picture"
     yield ""
-    yield f"{f.picture.tracks} tracks at the end."
+    p = f.picture
+    yield f"{p.tracks} tracks at the end; {p.objects:.1f} objects, sigma {p.sigma_objects:.2g}."
     yield ""
     if f.picture.truth is not None:
         yield PICTURE_NOTE

@@ -98,6 +98,8 @@ def test_picture_is_that_of_the_table(whole: Path, blind: Path) -> None:
     assert unseen is not None
     assert unseen.tracks == figures.picture.tracks > 0
     assert unseen.truth is None
+    assert abs(unseen.objects - unseen.tracks) < 1
+    assert 0 < unseen.sigma_objects < 1
     assert picture_summary(blind) is None
 
 
