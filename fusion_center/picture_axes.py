@@ -7,7 +7,8 @@ navigation gets wrong moves the whole picture and nothing in it.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -30,7 +31,8 @@ from .navigation import pose_at, site
 from .state import State
 
 
-class Placed(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Placed:
     """How the axes of a carrier lie in the picture at an instant.
 
     Attributes:
@@ -56,6 +58,10 @@ class Placed(NamedTuple):
 
     def place_m(self) -> Array:
         """(2,) where the carrier is."""
+        return self._place_m
+
+    @cached_property
+    def _place_m(self) -> Array:
         place: Array = self.places_m(np.zeros((1, 2)), np.full(1, self.site.altitude_m))[0]
         return place
 
