@@ -20,6 +20,7 @@ from msgspec.structs import replace
 from schemas import keys
 from schemas.errors import SettingsError
 from schemas.messages import (
+    Alignment,
     Association,
     Closed,
     Correction,
@@ -31,7 +32,7 @@ from schemas.messages import (
     Tracks,
 )
 
-from . import joint, memoryless, passive_lines, picture, rollback, timeline
+from . import aligned, alignment, joint, memoryless, passive_lines, picture, rollback, timeline
 from .intake import absorb, take_part
 from .links import status
 from .monitor import sentence
@@ -102,7 +103,7 @@ def step(state: State, closed: Closed, messages: Sequence[Input | Event]) -> tup
     tally = _not_fused(batch, closed)
 
     # per-source tracks -> report events (frames: searched for, then followed together)
-    # -> picture, and what bearings alone say
+    # -> picture, and what bearings alone say; beacons, from ranges
     course = rollback.course(state, batch.instants)
     state = course.state
     for instant in course.instants:
@@ -124,7 +125,7 @@ def _fused(state: State, instant: timeline.Instant, course: Course, tally: Tally
     state = picture.with_reports(
         state, instant, lambda message: tally if course.is_new(message) else silent
     )
-    return passive_lines.with_bearings(state, instant)
+    return alignment.with_ranges(passive_lines.with_bearings(state, instant), instant)
 
 
 def _not_fused(batch: Batch, closed: Closed) -> Tally:
@@ -156,24 +157,8 @@ def _published(state: State, closed: Closed, batch: Batch, tally: Tally) -> tupl
         )
         for carrier in sorted(state.links)
     ]
-    associated = Association(
-        centre=centre,
-        seq=number(association, centre),
-        step=closed.step,
-        t_ns=closed.t_ns,
-        targets=tally.targets(),
-        alone=tally.alone(),
-    )
-    how_well = Quality(
-        centre=centre,
-        seq=number(quality, centre),
-        step=closed.step,
-        t_ns=closed.t_ns,
-        sources=tally.sources(),
-        late=batch.late_count,
-        gave_up=batch.gave_up_count,
-        messages=batch.fused,
-    )
+    associated = _association(state, closed, tally, number(association, centre))
+    how_well = _quality(state, closed, batch, tally, number(quality, centre))
     objects = picture.objects(state, closed.t_ns)
     drawn = Tracks(
         centre=centre,
@@ -187,8 +172,49 @@ def _published(state: State, closed: Closed, batch: Batch, tally: Tally) -> tupl
     )
     outputs.append(Published(track, (centre,), drawn))
     outputs.append(Published(association, (centre,), associated))
+    if alignment.is_wanted(state):
+        seq = number(keys.ALIGNMENT, centre)
+        outputs.append(Published(keys.ALIGNMENT, (centre,), _alignment(state, closed, seq)))
     outputs.append(Published(quality, (centre,), how_well))
     return replace(state, published=published), outputs
+
+
+def _association(state: State, closed: Closed, tally: Tally, seq: int) -> Association:
+    """Which logs of a Closed belong together."""
+    return Association(
+        centre=state.centre,
+        seq=seq,
+        step=closed.step,
+        t_ns=closed.t_ns,
+        targets=tally.targets(),
+        alone=tally.alone(),
+    )
+
+
+def _quality(state: State, closed: Closed, batch: Batch, tally: Tally, seq: int) -> Quality:
+    """How well what was said agrees, and what was not fused."""
+    return Quality(
+        centre=state.centre,
+        seq=seq,
+        step=closed.step,
+        t_ns=closed.t_ns,
+        sources=tally.sources(),
+        late=batch.late_count,
+        gave_up=batch.gave_up_count,
+        messages=batch.fused,
+    )
+
+
+def _alignment(state: State, closed: Closed, seq: int) -> Alignment:
+    """Beacons and the carriers that range to them, as known at a closing."""
+    return Alignment(
+        centre=state.centre,
+        seq=seq,
+        step=closed.step,
+        t_ns=closed.t_ns,
+        beacons=aligned.beacons(state),
+        carriers=aligned.carriers(state),
+    )
 
 
 def _correction(state: State, closed: Closed, carrier: str, seq: int) -> Correction:

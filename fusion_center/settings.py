@@ -131,6 +131,18 @@ class PassiveSettings(Struct, frozen=True, kw_only=True):
     ] = 60.0
 
 
+class AlignmentSettings(Struct, frozen=True, kw_only=True):
+    """How carriers and beacons are aligned from ranges."""
+
+    enabled: Annotated[bool, Meta(description="whether ranges to beacons are used at all")] = True
+    most_beacons: Annotated[
+        int, Meta(ge=1, le=200, description="of one carrier, the first that are declared")
+    ] = 32
+    diagnose_every_s: Annotated[
+        float, Meta(ge=0, le=1e6, description="least time between two looks at what is observable")
+    ] = 5.0
+
+
 class NavigationSettings(Struct, frozen=True, kw_only=True):
     """How carriers are carried on between and after their navigation messages."""
 
@@ -219,6 +231,7 @@ class Settings(Struct, frozen=True, kw_only=True):
     monitor: MonitorSettings = MonitorSettings()
     picture: PictureSettings = PictureSettings()
     passive: PassiveSettings = PassiveSettings()
+    alignment: AlignmentSettings = AlignmentSettings()
 
 
 class Description(NamedTuple):

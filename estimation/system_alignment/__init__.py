@@ -16,6 +16,7 @@ from estimation.system_alignment.online import (
     filtered,
     predicted,
     resumed,
+    second_order,
     started,
     updated,
 )
@@ -49,6 +50,7 @@ __all__ = [
     "prior",
     "ranges",
     "resumed",
+    "second_order",
     "started",
     "straight_legs",
     "updated",

@@ -17,7 +17,7 @@ from estimation.bordered import last_covariance
 from estimation.system_alignment.logs import DeadReckoning, Indices, Ranges
 from estimation.system_alignment.losses import Loss, huber
 from estimation.system_alignment.model import predicted_ranges
-from estimation.system_alignment.parameters import HEADING_BIAS, SPEED_SCALE, WIND, Prior
+from estimation.system_alignment.parameters import HEADING_BIAS, SPEED_SCALE, WIND, Prior, places_of
 from estimation.system_alignment.smoother import Alignment
 
 _ASIDE = np.array([1.0, -1.0])  # a quarter turn clockwise, of (north, east)
@@ -123,6 +123,44 @@ def updated(state: Filtered, logs: Ranges, height_m: float = 0.0, loss: Loss = h
     return state._replace(
         place=state.place + step[:b], theta=theta, covariance=(covariance + covariance.T) / 2
     )
+
+
+def second_order(state: Filtered, logs: Ranges, height_m: float = 0.0) -> Ranges:
+    """Ranges as `updated` should take them where the doubt of a place bends them.
+
+    With the Hessian H = (I - u u') / r of a range and the covariance C of object less beacon, a
+    range is on average tr(H C) / 2 longer than between the means, with a variance of its own of
+    tr(H C H C) / 2. Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking
+    and Navigation, 10.3.2. Nothing changes where places are known well against their distance.
+    """
+    longer, variance = _bend(state, logs.beacon, height_m)
+    differs = np.flatnonzero(logs.reference >= 0)
+    if differs.size:
+        less, more = _bend(state, logs.reference[differs], height_m)
+        longer[differs] -= less
+        variance[differs] += more
+    sigma = np.sqrt(logs.sigma_m**2 + variance)
+    return logs._replace(value_m=logs.value_m - longer, sigma_m=sigma)
+
+
+def _bend(state: Filtered, beacon: Indices, height_m: float) -> tuple[Array, Array]:
+    """Mean and variance (m,) of the second-order term of the ranges to beacons (m,)."""
+    b, where = len(state.place), places_of(state.theta)[beacon]
+    whole = np.zeros((b + len(state.theta),) * 2)
+    at = np.concatenate([np.arange(b), b + state.free])
+    whole[np.ix_(at, at)] = state.covariance
+    by_place = np.zeros((3, len(whole)))
+    by_place[0, 0] = by_place[1, 1] = 1
+    apart = np.tile(by_place, (len(beacon), 1, 1))
+    np.put_along_axis(apart, b + where[:, :, None], -1.0, axis=2)
+    covariance = apart @ whole @ apart.transpose(0, 2, 1)
+    sight = np.array([*state.place[:2], height_m]) - state.theta[where]
+    length = np.maximum(np.linalg.norm(sight, axis=1), 1.0)[:, None, None]
+    unit = sight[:, :, None] / length
+    bent = (np.eye(3) - unit @ unit.transpose(0, 2, 1)) @ covariance / length
+    longer: Array = np.trace(bent, axis1=1, axis2=2) / 2
+    variance: Array = np.trace(bent @ bent, axis1=1, axis2=2) / 2
+    return longer, variance
 
 
 def filtered(path: DeadReckoning, logs: Ranges, prior: Prior) -> Iterator[Filtered]:

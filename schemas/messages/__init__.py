@@ -40,6 +40,7 @@ from .inputs import (
 )
 from .outputs import (
     AlignedBeacon,
+    AlignedCarrier,
     Alignment,
     AssociatedTarget,
     Association,
@@ -68,6 +69,7 @@ __all__ = [
     "COLUMNS",
     "Ack",
     "AlignedBeacon",
+    "AlignedCarrier",
     "Alignment",
     "Answer",
     "AssociatedTarget",

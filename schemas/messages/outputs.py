@@ -233,18 +233,74 @@ class Association(Output, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class AlignedBeacon(Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """Where a beacon is, with the 2 x 2 or 3 x 3 covariance and what is not observable."""
+    """Where a beacon is, with the 2 x 2 or 3 x 3 covariance and what is not observable.
+
+    Attributes:
+        position_m: (east, north[, up]) in the axes of the scenario's origin.
+        unobservable: directions in which the ranges leave its place as it was known before.
+        carrier: from whose ranges.
+    """
 
     beacon: Id
     position_m: Annotated[list[Metres], Meta(min_length=2, max_length=3)]
     covariance: Triangle
     unobservable: list[Text] = []
+    carrier: Text = ""
+
+
+class AlignedCarrier(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What the ranges of a carrier to beacons tell of the carrier itself.
+
+    A sigma of 0 is that of a constant which the scenario declares to be known.
+
+    Attributes:
+        status: of the least determined combination of constants.
+        t_ns: what the place is of.
+        position_m: (east, north) in the axes of the scenario's origin, with its 2 x 2 covariance.
+        current_mps: (east, north) of what it moves in, with its 2 x 2 covariance.
+        north_rad: bearing of its own north, clockwise from true north.
+        speed_scale: by which it moves faster than its log shows, as a share.
+        range_scale: by which its ranges read long, as a share.
+        range_bias_m: what its ranges read too long, the clock behind pseudoranges included, at the
+            first message; it grows by `clock_drift_mps`.
+        ranges: that have been used.
+        unobservable: combinations of constants, beacons' included, that the ranges leave as they
+            were known before.
+    """
+
+    carrier: Id
+    status: Literal["determined", "weak", "undetermined"]
+    t_ns: TimeNs
+    position_m: Annotated[list[Metres], Meta(min_length=2, max_length=2)]
+    covariance: Triangle
+    current_mps: Annotated[list[MetresPerSecond], Meta(min_length=2, max_length=2)]
+    current_covariance: Triangle
+    north_rad: Real = 0.0
+    sigma_north_rad: Real = 0.0
+    speed_scale: Real = 0.0
+    sigma_speed_scale: Real = 0.0
+    range_scale: Real = 0.0
+    sigma_range_scale: Real = 0.0
+    range_bias_m: Real = 0.0
+    sigma_range_bias_m: Real = 0.0
+    clock_drift_mps: Real = 0.0
+    sigma_clock_drift_mps: Real = 0.0
+    ranges: Count = 0
+    unobservable: list[Text] = []
 
 
 class Alignment(Output, frozen=True, kw_only=True, omit_defaults=True):
-    """System alignment: the beacons of the run, aligned from ranges (paper 003)."""
+    """System alignment: the beacons of the run, aligned from ranges (paper 003).
+
+    There is none in a run that declares no beacons.
+
+    Attributes:
+        beacons: as each carrier that ranges to them finds them.
+        carriers: those carriers.
+    """
 
     beacons: list[AlignedBeacon] = []
+    carriers: list[AlignedCarrier] = []
 
 
 class SourceQuality(Struct, frozen=True, kw_only=True, omit_defaults=True):
