@@ -92,7 +92,8 @@ def _begun_anew(state: State, carrier: str) -> State:
     }
     window = {key: t for key, t in state.window.items() if _carrier_of(key) != carrier}
     frames = None if carrier == state.own else forgotten(state.frames, carrier)
-    return replace(state, links=links, window=window, frames=frames)
+    rays = {key: kept for key, kept in state.rays.items() if _carrier_of(key) != carrier}
+    return replace(state, links=links, window=window, frames=frames, rays=rays)
 
 
 def _carrier_of(source: str) -> str:

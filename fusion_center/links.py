@@ -15,7 +15,7 @@ from schemas.messages.outputs import CorrectionState
 from . import corrections, registration
 from .corrections import Poses
 from .navigation import NS, carried_sigma_m, frame_covariance, pose_at
-from .state import CarrierState, Estimate, Monitor, State
+from .state import CarrierState, Estimate, Link, Monitor, State
 
 Obstacle = tuple[CorrectionState, str]
 
@@ -28,24 +28,32 @@ def obstacle(state: State, other: str, t_ns: int) -> Obstacle | None:
         return "suspended", f"{other} is lost"
     if other in state.orders.suspended:
         return "suspended", "by order of the operator"
-    if _sees_bearings_only(state, state.own) and _sees_bearings_only(state, other):
+    passive = sees_bearings_only(state, other)
+    over_time = passive and state.links.get(other, Link()).bearings_t_ns >= 0
+    if passive and not over_time and sees_bearings_only(state, state.own):
         return "off", TWO_BEARING_ONLY
-    return next((o for name in (state.own, other) for o in _not_placed(state, name, t_ns)), None)
+    names = (state.own, other)
+    return next((o for name in names for o in _not_placed(state, name, t_ns, over_time)), None)
 
 
-def _sees_bearings_only(state: State, name: str) -> bool:
+def sees_bearings_only(state: State, name: str) -> bool:
+    """Whether all that a carrier measures of targets are bearings."""
     sources = state.sources(name).values()
     return bool(sources) and all(source.coordinates == "bearing" for source in sources)
 
 
-def _not_placed(state: State, name: str, t_ns: int) -> Iterator[Obstacle]:
-    """Why a carrier or its targets cannot be placed; only the first reason is to be asked for."""
+def _not_placed(state: State, name: str, t_ns: int, over_time: bool) -> Iterator[Obstacle]:
+    """Why a carrier or its targets cannot be placed; only the first reason is to be asked for.
+
+    Args:
+        over_time: bearings are enough, there being many.
+    """
     carrier, sources = state.carriers.get(name, CarrierState()), state.sources(name)
     if not carrier.boot:
         yield "off", f"{name} has not been heard yet"
     if not sources:
         yield "off", f"no SourceInfo of {name} yet"
-    if _sees_bearings_only(state, name):
+    if not over_time and sees_bearings_only(state, name):
         yield "off", f"{name} reports bearings only: no positions to compare"
     if not carrier.navigation:
         yield "off", f"no navigation of {name} yet"

@@ -32,7 +32,17 @@ from schemas.messages import (
     Tracks,
 )
 
-from . import aligned, alignment, joint, memoryless, passive_lines, picture, rollback, timeline
+from . import (
+    aligned,
+    alignment,
+    joint,
+    memoryless,
+    passive_frames,
+    passive_lines,
+    picture,
+    rollback,
+    timeline,
+)
 from .intake import absorb, take_part
 from .links import status
 from .monitor import sentence
@@ -121,7 +131,7 @@ def _fused(state: State, instant: timeline.Instant, course: Course, tally: Tally
     state = frames.before(state, instant, of_event)
     for message in instant.messages:
         state = absorb(state, message, tally if course.is_new(message) else silent)
-    state = frames.after(state, of_event)
+    state = passive_frames.with_bearings(frames.after(state, of_event), instant)
     state = picture.with_reports(
         state, instant, lambda message: tally if course.is_new(message) else silent
     )

@@ -126,6 +126,15 @@ class PassiveSettings(Struct, frozen=True, kw_only=True):
     solve_every_s: Annotated[
         float, Meta(ge=0, le=1e6, description="least time between two solutions of one target")
     ] = 5.0
+    frames_memory_s: Annotated[
+        float, _positive("of bearings from which the frame of a passive carrier is found", 1e5)
+    ] = 600.0
+    frames_every_s: Annotated[
+        float, Meta(ge=0, le=1e6, description="least time between two attempts at such a frame")
+    ] = 15.0
+    frames_most_targets: Annotated[
+        int, Meta(ge=1, le=1000, description="that take part in one, those seen most often")
+    ] = 20
     shown_s: Annotated[
         float, _positive("for which a solution is told after its last bearing", 1e6)
     ] = 60.0

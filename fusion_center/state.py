@@ -216,6 +216,7 @@ class Link(Struct, frozen=True, kw_only=True):
         doubts: searches in a row that found another frame than the one followed.
         usual_pairs: at an event, on average over the last ones.
         watch: what the alarm remembers.
+        bearings_t_ns: last attempt to find the frame of bearings alone; -1 = none.
         estimate: what is published: the newest, or while applied the last good one.
     """
 
@@ -229,6 +230,7 @@ class Link(Struct, frozen=True, kw_only=True):
     doubts: int = 0
     usual_pairs: float = 0.0
     watch: WatchColumns | None = None
+    bearings_t_ns: int = -1
     monitor: Monitor = Monitor()
     estimate: Estimate | None = None
 
@@ -359,6 +361,19 @@ class Aligned(Struct, frozen=True, kw_only=True, eq=False):
     diagnosed_t_ns: int = -1
 
 
+class Rays(Struct, frozen=True, kw_only=True, eq=False):
+    """The bearings of one target by one carrier, as it took them.
+
+    Attributes:
+        t_ns: (n,) in increasing order.
+        seen: (n, 4) dead-reckoned way of the carrier, east and north; bearing, clockwise from the
+            north of the scenario's origin but for the carrier's own error; its sigma.
+    """
+
+    t_ns: NDArray[np.int64]
+    seen: NDArray[np.float64]
+
+
 class Past(Struct, frozen=True, kw_only=True, eq=False):
     """One instant that has been fused, in case something older still comes.
 
@@ -382,6 +397,7 @@ class State(Struct, frozen=True, kw_only=True):
         past: the last few seconds, oldest first, for what comes late.
         lines: by carrier/source/name of the target there.
         aligned: carriers that range to beacons.
+        rays: by carrier/kind/name of the target; only while some carrier sees bearings only.
         published: messages so far, by key.
     """
 
@@ -398,6 +414,7 @@ class State(Struct, frozen=True, kw_only=True):
     picture: Drawn = Drawn()
     lines: dict[str, Line] = {}
     aligned: dict[str, Aligned] = {}
+    rays: dict[str, Rays] = {}
     past: tuple[Past, ...] = ()
     published: dict[str, int] = {}
 

@@ -7,12 +7,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from bench.in_process import Played, played
+from crossfix.evaluation import FrameError, frame_errors
+from crossfix.tracking_errors import PictureSummary, picture_errors, summarise_picture
+from estimation.consistency import mean_interval
+from fusion_center import pipeline
+from fusion_center.settings import settings_from
 from fusion_center.state import pack, unpack
 from schemas import codec
-from schemas.messages import BearingLine, Tracks
+from schemas.messages import BearingLine, Correction, Navigation, Tracks, TruthCarriers
 from sim_world.scenario import Scenario, load_scenario, with_overrides
+from tests.fusion_center.scenes import closed
 
 PASSIVE = load_scenario(Path(__file__).parents[2] / "scenarios" / "passive.toml")
 STEP_S = 5
@@ -35,8 +42,9 @@ def picture(step: Played) -> Tracks:
 
 
 def lines(step: Played) -> dict[str, BearingLine]:
-    """By the name of the target."""
-    return {line.id.rpartition("/")[2]: line for line in picture(step).lines}
+    """What the own carrier's bearings say, by the name of the target."""
+    told = (line for line in picture(step).lines if line.id.startswith("hunter/"))
+    return {line.id.rpartition("/")[2]: line for line in told}
 
 
 def true_ranges_m(step: Played) -> dict[str, float]:
@@ -119,3 +127,80 @@ def test_bearings_are_bounded_in_number_and_may_be_left_alone() -> None:
     assert max(line.bearings for line in lines(few[-1]).values()) == 5
     off = list(played(coarse(), {"own": "hunter", "passive": {"enabled": False}}, steps=30))
     assert not lines(off[-1])
+
+
+def frames_alone(seed: int) -> list[FrameError]:
+    """Errors of the picket's frame, found once a minute without anything else being done."""
+    only = coarse(
+        **{
+            "seed": seed,
+            "fusion.picture.enabled": False,
+            "fusion.passive.solve_every_s": 1e6,
+            "fusion.passive.frames_every_s": 60,
+            "fusion.monitor.apply_after": 1,
+        }
+    )
+    said: list[TruthCarriers | Correction] = []
+    for step in played(only):
+        said += [step.carriers, *step.corrections.values()]
+    return frame_errors(only.declared, "hunter", said)["picket"]
+
+
+def picture_of(run: list[Played]) -> PictureSummary:
+    said: list[Any] = []
+    for step in run:
+        said += [step.targets, step.carriers, picture(step)]
+        said += [m for m in step.said if isinstance(m, Navigation)]
+    found = summarise_picture(picture_errors(coarse().declared, "hunter", said))
+    assert found is not None
+    return found
+
+
+def test_the_picket_is_not_placed_before_the_own_carrier_turns(run: list[Played]) -> None:
+    """The first bearings meet nothing; then there are many, but from two uniform ways."""
+    first = at(run, 15).corrections["picket"]
+    assert first.state == "off"
+    assert first.reason.startswith("two bearing-only carriers at one instant")
+    for seconds in range(60, 180, STEP_S):
+        found = at(run, seconds).corrections["picket"]
+        assert found.state == "observing"
+        assert found.reason.startswith("neither carrier has manoeuvred")
+        assert found.own_axes is None
+
+
+def test_the_picket_s_frame_is_found_and_applied(run: list[Played]) -> None:
+    last = run[-1].corrections["picket"]
+    assert (last.state, last.method) == ("applied", "bearings")
+    assert all(d.status == "determined" for d in last.directions)
+    error = frame_errors(coarse().declared, "hunter", [run[-1].carriers, last])["picket"][0]
+    assert np.hypot(*error.after_m) < 0.5 * np.hypot(*error.before_m)
+    assert abs(error.after_rad) < 0.5 * abs(error.before_rad)
+
+
+def test_its_errors_are_as_large_as_it_says() -> None:
+    """Four runs, three degrees of freedom each; chance leaves the interval once in a thousand."""
+    low, high = mean_interval(3, 4, 0.999)
+    assert low < np.mean([frames_alone(seed)[-1].nees for seed in range(2, 6)]) < high
+
+
+def test_targets_are_better_known_with_the_picket(run: list[Played]) -> None:
+    alone = list(played(coarse(**{"fusion.passive.frames_every_s": 1e6})))
+    assert alone[-1].corrections["picket"].state == "observing"
+    assert picture_of(run).error_m < picture_of(alone).error_m
+
+
+def test_frames_of_bearings_do_not_depend_on_how_time_is_cut(run: list[Played]) -> None:
+    """Closed at every step or once a minute, packed at each: the same memory to the bit."""
+    seldom = {"frames_every_s": 60, "solve_every_s": 1e6}
+    settings = settings_from({"own": "hunter", "picture": {"enabled": False}, "passive": seldom})
+    finals = []
+    for size in (1, 12):
+        state = pipeline.initial(coarse().declared, settings)
+        for number, begin in enumerate(range(0, 60, size), 1):
+            steps = run[begin : begin + size]
+            said = [message for step in steps for message in step.said]
+            now = closed(number, said, t_ns=steps[-1].closed.t_ns)
+            state, _ = pipeline.step(unpack(pack(state)), now, said)
+        assert state.links["picket"].estimate is not None
+        finals.append(pack(replace(state, published={})))
+    assert finals[0] == finals[1]
