@@ -1,0 +1,134 @@
+"""What is remembered of targets and beacons: the picture, bearings alone, alignments."""
+
+from __future__ import annotations
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from estimation.tracking.tracker import Picture
+from schemas.messages import BearingLine
+
+
+class Notes(Struct, frozen=True, kw_only=True):
+    """What a track of the picture rests on.
+
+    Attributes:
+        identity: kind/name of the target, once a log has told it.
+        logs: newest log of each carrier/source that contributes.
+    """
+
+    identity: str = ""
+    logs: dict[str, str] = {}
+
+
+class Told(Struct, frozen=True, kw_only=True, eq=False):
+    """What a source that tracks by itself has said last, as columns; n tracks.
+
+    Attributes:
+        names: of its tracks.
+        t_ns: (n,) of their last logs; used_ns: until when what they know is in the picture.
+        state: (n, 4) place over ground and velocity of their filters, along the carrier's axes;
+            nan where no filter was sent. covariance: (n, 4, 4).
+    """
+
+    names: tuple[str, ...]
+    t_ns: NDArray[np.int64]
+    used_ns: NDArray[np.int64]
+    state: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+
+class Watched(Struct, frozen=True, kw_only=True):
+    """How a source agrees with the picture; counts of a report fade as more come, see `weight`.
+
+    Attributes:
+        reports: all of them; weight: of those that are not forgotten.
+        lone: plots of no track.
+        nis: of plots and the tracks they are of; dof: its degrees of freedom.
+    """
+
+    reports: int = 0
+    weight: float = 0.0
+    lone: float = 0.0
+    nis: float = 0.0
+    dof: float = 0.0
+
+
+class Drawn(Struct, frozen=True, kw_only=True, eq=False):
+    """The picture: what the tracker knows, and notes by track number; None before any plot.
+
+    Attributes:
+        told: of sources that send tracks, by carrier/boot/source; watched: of all, alike.
+    """
+
+    picture: Picture | None = None
+    notes: dict[str, Notes] = {}
+    told: dict[str, Told] = {}
+    watched: dict[str, Watched] = {}
+
+
+class Line(Struct, frozen=True, kw_only=True, eq=False):
+    """The bearings of one target by one passive source, and what they were last said to mean.
+
+    Attributes:
+        identity: kind/name that others see too; may be empty.
+        t_ns: (n,) in increasing order.
+        seen: (n, 4) east and north of the carrier, bearing and its sigma, in the picture.
+        solved_t_ns: newest bearing behind `told`; tried_t_ns: when that was worked out.
+    """
+
+    identity: str = ""
+    t_ns: NDArray[np.int64]
+    seen: NDArray[np.float64]
+    told: BearingLine | None = None
+    solved_t_ns: int = -1
+    tried_t_ns: int = -1
+
+
+class Aligned(Struct, frozen=True, kw_only=True, eq=False):
+    """A carrier among its beacons: `estimation.system_alignment.Filtered`, and of when.
+
+    Attributes:
+        boot: ordinal of the life it is of.
+        beacons: names, in the order of the constants.
+        start_t_ns: since when; t_ns: of validity.
+        start_m: (2,) place at the start; way_m: (2,) reckoned at t_ns, as the carrier says it.
+        place, theta, covariance, free: of the filter.
+        prior_mean, prior_sigma: (7 + 4 J,) of the constants before the first range.
+        ranges: used so far.
+        ratio: posterior over prior sigma of the least determined combination.
+        hidden: names of combinations that are undetermined; touched: the beacons in each of them.
+        diagnosed_t_ns: when these were worked out; -1 = never.
+    """
+
+    boot: int
+    beacons: tuple[str, ...]
+    start_t_ns: int
+    t_ns: int
+    start_m: NDArray[np.float64]
+    way_m: NDArray[np.float64]
+    place: NDArray[np.float64]
+    theta: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    free: NDArray[np.int64]
+    prior_mean: NDArray[np.float64]
+    prior_sigma: NDArray[np.float64]
+    ranges: int = 0
+    ratio: float = 1.0
+    hidden: tuple[str, ...] = ()
+    touched: tuple[tuple[str, ...], ...] = ()
+    diagnosed_t_ns: int = -1
+
+
+class Rays(Struct, frozen=True, kw_only=True, eq=False):
+    """The bearings of one target by one carrier, as it took them.
+
+    Attributes:
+        t_ns: (n,) in increasing order.
+        seen: (n, 4) dead-reckoned way of the carrier, east and north; bearing, clockwise from the
+            north of the scenario's origin but for the carrier's own error; its sigma.
+    """
+
+    t_ns: NDArray[np.int64]
+    seen: NDArray[np.float64]
