@@ -70,6 +70,7 @@ def _with_report(state: State, report: SourceReport, tally: Tally) -> State:
     try:
         after, done = tracker.step(before, seen.scan, settings, by_name)
     except (np.linalg.LinAlgError, ValueError):
+        tally.unpictured(report)
         return state
     after = _sane(after)
     notes = _noted(state, report, seen, names, done)

@@ -79,6 +79,11 @@ class Tally:
         row.logs += len(report)
         row.flags[f"no navigation of {report.carrier} yet: not used"] = None
 
+    def unpictured(self, report: SourceReport) -> None:
+        """A report of which the picture cannot take in anything."""
+        row = self._row(report.carrier, report.stream)
+        row.flags["numbers beyond reason: not in the picture"] = None
+
     def late(self, message: Input) -> None:
         """A message that is not fused because it is too old."""
         self._row(message.carrier, message.stream).late += _logs_of(message)

@@ -135,3 +135,16 @@ def test_objects_are_counted_with_their_sigma() -> None:
     assert found.objects == pytest.approx(TARGETS, abs=max(3 * found.sigma_objects, 0.5))
     assert 0 < found.sigma_objects < 3
     assert shown(outputs[0]).sigma_objects > found.sigma_objects
+
+
+def test_a_scan_that_cannot_be_computed_is_left_out_and_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def singular(*_: object) -> None:
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr("fusion_center.picture.tracker.step", singular)
+    state, outputs = run(lambda report, rng: report, steps=2)
+    assert not shown(outputs[-1]).tracks
+    assert "not in the picture" in of_radar(outputs[-1], "a").flag
+    assert state.carriers["a"].logs
