@@ -149,6 +149,7 @@ def test_navigation_on_the_page_is_taken() -> None:
 
 
 @pytest.mark.live
+@pytest.mark.slow
 def test_the_example_ends_with_a_world_that_died_without_a_word(tmp_path: Path) -> None:
     with LiveRun(SCENARIO, tmp_path / "run.mcap", RunOptions(rate="5")) as run:
         program = str(ROOT / "examples" / "external_publisher.py")

@@ -68,6 +68,7 @@ def ended(process: Popen[str]) -> tuple[int, str]:
 
 
 @pytest.mark.live
+@pytest.mark.slow
 def test_commands_that_join_a_run_do_what_the_pages_say(place: Place, hub: str) -> None:
     """Everybody joins one run at once; who answers at once is asked in the middle of it."""
     tcp, udp = free_port(socket.SOCK_STREAM), free_port(socket.SOCK_DGRAM)

@@ -129,6 +129,7 @@ def test_carriers_far_apart_register_as_well_as_near_ones(apart_km: float) -> No
 # following
 
 
+@pytest.mark.slow
 def test_errors_shrink_over_time_and_stay_within_their_covariance() -> None:
     """Draws of moving ships; the drift that is allowed for and does not come costs a little."""
     rng, scores, before, after = np.random.default_rng(5), [], [], []

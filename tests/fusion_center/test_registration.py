@@ -99,7 +99,9 @@ def test_misclosures_after_correction_have_the_size_they_claim(count: int) -> No
     assert low < np.mean(scores) < high
 
 
-@pytest.mark.parametrize("count", [1, 3, 15])
+@pytest.mark.parametrize(
+    "count", [pytest.param(1, marks=pytest.mark.slow), 3, pytest.param(15, marks=pytest.mark.slow)]
+)
 def test_errors_of_corrections_are_within_their_covariance(count: int) -> None:
     rng = np.random.default_rng(100 + count)
     scores = []

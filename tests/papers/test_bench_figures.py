@@ -72,6 +72,7 @@ def test_times_are_scaled_by_a_kernel_of_the_same_run() -> None:
     assert 1.5 < time_ratio(lambda: [work() for _ in range(4)], work) < 8
 
 
+@pytest.mark.slow
 def test_the_bench_runs_small() -> None:
     command = [sys.executable, "-m", "bench.registration", "--runs", "50", "--json", "--seed", "3"]
     done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=120)

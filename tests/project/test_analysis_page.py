@@ -57,6 +57,7 @@ def run(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 def test_every_command_of_the_page_runs_in_its_order(place: Path) -> None:
     for command in COMMANDS:
         done = run(["/bin/sh", "-c", command], place)

@@ -78,6 +78,7 @@ def run(command: list[str], place: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.live
+@pytest.mark.slow
 @pytest.mark.timeout(DEADLINE_S)
 @pytest.mark.parametrize("block", blocks("sh"))
 def test_every_command_of_the_page_runs(block: str, place: Path) -> None:

@@ -183,6 +183,7 @@ def test_its_errors_are_as_large_as_it_says() -> None:
     assert low < np.mean([frames_alone(seed)[-1].nees for seed in range(2, 7)]) < high
 
 
+@pytest.mark.slow
 def test_targets_are_better_known_with_the_picket(run: list[Played]) -> None:
     alone = list(played(coarse(**{"fusion.passive.frames_every_s": 1e6})))
     assert alone[-1].corrections["picket"].state == "observing"
