@@ -77,6 +77,11 @@ class Alone:
         rows = self.alone.recorder.statistics().keys
         return sum(row.received for row in rows if f"{RUN}/{topic}" in row.key)
 
+    def recorded(self, topic: str) -> int:
+        """How many of them it has handed to its writer."""
+        rows = self.alone.recorder.statistics().keys
+        return sum(row.recorded for row in rows if f"{RUN}/{topic}" in row.key)
+
     def publish(self, topic: keys.Topic, ids: tuple[str, ...], message: Any) -> None:
         encoding = codec.encoding_of(type(message))
         self.bus.publish(topic.key(RUN, *ids), codec.encode(message), encoding, topic.qos)
@@ -260,7 +265,7 @@ def test_statistics_by_key_are_answered_and_recorded(network: MemoryNetwork, pat
         alone.say(3)
         alone.publish(keys.REPORT, ("alpha", "radar"), Step(boot="w", step=1, t_ns=1))
         alone.publish(keys.STEP, (), Step(boot="w", step=1, t_ns=1))
-        alone.until(lambda: alone.received("step") == 1)
+        alone.until(lambda: alone.recorded("step") == 1)
         status = alone.ask("status")
     assert isinstance(status.statistics, Statistics)
     rows = {row.key.rpartition(f"{RUN}/")[2]: row for row in status.statistics.keys}
