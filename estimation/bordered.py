@@ -12,13 +12,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array
 
-from estimation.arrays import Array, transposed
-
-Indices = NDArray[np.intp]
+from estimation.arrays import Array, Indices, transposed
 
 _STILL = 1e-6  # chi2: the gain that the last step promised, or made
 _NEARLY = 1e-2  # chi2 promised where weights change with the step and it made none

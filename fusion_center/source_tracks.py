@@ -22,13 +22,11 @@ from estimation.tracking.bank import (
     innovations,
     normalised,
 )
+from estimation.tracking.existence import SUREST, missed, seen
 from estimation.tracking.source_tracks import (
-    SUREST,
     Sensing,
     assigned,
     log_ratio,
-    missed,
-    seen,
 )
 from schemas.messages import Sector, SourceProperties
 

@@ -16,13 +16,14 @@ import numpy as np
 from estimation.arrays import Array, transposed
 from estimation.frames import Site, east_north_covariance, level_plane
 from estimation.tracking.bank import EMPTY, Bank, begun, carried, improved, innovations
+from estimation.tracking.existence import missed, seen
 from schemas.messages import SourceProperties
 
 from .logs import Logs
 
 SIGMA_VELOCITY_MPS = 30.0
 GATE = 16.0
-BORN, CONFIRMED, GIVEN_UP, SUREST = 0.5, 0.95, 0.02, 0.999
+BORN, CONFIRMED, GIVEN_UP = 0.5, 0.95, 0.02
 SEA_LEVEL_M = 0.0
 LEAST_CLUTTER = 0.01
 """False plots assumed of a radar that declares none: a target that vanished must be given up."""
@@ -164,8 +165,8 @@ class RadarTracker:
         likelihood = np.diag(found.log_likelihood) + np.log(
             radar.detection_probability / self._density
         )
-        existence = _missed(tracks.existence, min(radar.detection_probability, 0.999))
-        existence[track] = _seen(tracks.existence[track], likelihood, radar.detection_probability)
+        existence = missed(tracks.existence, min(radar.detection_probability, 0.999))
+        existence[track] = seen(tracks.existence[track], likelihood, radar.detection_probability)
         after = improved(
             carried(tracks.filters.take(track), elapsed, self._noise), place, covariance
         )
@@ -242,18 +243,6 @@ def memory_s(radar: SourceProperties, process_noise: float) -> float:
     kept = state.covariance[0] @ np.linalg.inv(before.covariance[0]) @ forward
     left = float(np.abs(np.linalg.eigvals(kept)).max())
     return period / -log(min(max(left, 1e-9), 1 - 1e-9))
-
-
-def _seen(existence: Array, log_ratio: Array, detection: float) -> Array:
-    """Probabilities of targets that a plot fits, `log_ratio` likelier of them than of clutter."""
-    odds = existence / (1 - existence) * (1 - detection + np.exp(np.minimum(log_ratio, 50.0)))
-    return np.asarray(np.minimum(odds / (1 + odds), SUREST))
-
-
-def _missed(existence: Array, detection: float) -> Array:
-    """Probabilities of targets after a look that should have seen them and did not."""
-    kept = existence * (1 - detection)
-    return np.asarray(kept / (1 - existence + kept))
 
 
 def _far_m(radar: SourceProperties) -> float:

@@ -25,13 +25,12 @@ from estimation.acquisition.matching import Pairs, best_assignment
 from estimation.acquisition.problem import (
     Clues,
     Constraints,
-    Indices,
     Problem,
     Side,
     problem,
 )
 from estimation.acquisition.sharing import Sharing
-from estimation.arrays import Array
+from estimation.arrays import Array, Indices
 from estimation.frames import polar_from_east_north, rotation_clockwise
 from estimation.relative_frame import PolarLogs, RelativeFramePrior, prior_in_own_axes
 

@@ -10,9 +10,9 @@ from estimation.acquisition.beam import search
 from estimation.acquisition.consensus import consensus
 from estimation.acquisition.innovation import Frames
 from estimation.acquisition.modes import Candidate, Setting, apart, polished, refined, starts
-from estimation.acquisition.problem import Clues, Constraints, Indices, problem
+from estimation.acquisition.problem import Clues, Constraints, problem
 from estimation.acquisition.sharing import Sharing
-from estimation.arrays import Array, ArrayLike
+from estimation.arrays import Array, ArrayLike, Indices
 from estimation.frames import wrap_pi
 from estimation.relative_frame import (
     Direction,

@@ -18,8 +18,8 @@ from estimation.acquisition.innovation import (
     updated,
     with_covariance_along_own,
 )
-from estimation.acquisition.problem import Indices, Mask, Problem, Side
-from estimation.arrays import Array, transposed
+from estimation.acquisition.problem import Mask, Problem, Side
+from estimation.arrays import Array, Indices, transposed
 
 NOBODY = -1
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.acquisition.innovation import Frames
-from estimation.acquisition.problem import Indices, Problem, Side
-from estimation.arrays import Array, transposed
+from estimation.acquisition.problem import Problem, Side
+from estimation.arrays import Array, Indices, transposed
 from estimation.frames import polar_from_east_north, rotation_clockwise, wrap_pi
 
 _SIGMAS = 3.0  # that the two distances may differ

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from estimation.acquisition.problem import Indices
-from estimation.arrays import Array
+from estimation.arrays import Array, Indices
 
 _PASSES, _SETTLED = 30, 1e-6
 _LARGEST = 300.0  # of a log ratio, so that its exponential is finite

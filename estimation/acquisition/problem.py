@@ -13,11 +13,10 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.arrays import Array, ArrayLike, transposed
+from estimation.arrays import Array, ArrayLike, Indices, transposed
 from estimation.frames import east_north_by_polar, east_north_from_polar
 from estimation.relative_frame import PolarLogs
 
-Indices: TypeAlias = NDArray[np.intp]
 Mask: TypeAlias = NDArray[np.bool_]
 LogRatio: TypeAlias = ArrayLike | Callable[[Indices, Indices], ArrayLike]
 

@@ -15,10 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.arrays import Array, ArrayLike, broadcast
+from estimation.arrays import Array, ArrayLike, Indices, broadcast
 from estimation.system_alignment.logs import DeadReckoning
-
-Indices = NDArray[np.intp]
 
 CONSTANTS = 7
 HEADING, SPEED_SCALE, CURRENT, CLOCK, CLOCK_DRIFT, LOG_TIME = 0, 1, slice(2, 4), 4, 5, 6

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.arrays import Array
+from estimation.arrays import Array, Indices
 from estimation.bordered import Chain, Linearised, Observed
 from estimation.frames import rotation_clockwise, wrap_pi
 from estimation.joint_navigation.group import (
@@ -24,7 +24,6 @@ from estimation.joint_navigation.group import (
     LOG_TIME,
     SPEED_SCALE,
     Group,
-    Indices,
 )
 from estimation.system_alignment.losses import Loss
 

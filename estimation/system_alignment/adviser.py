@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.arrays import Array, ArrayLike
-from estimation.system_alignment.logs import DeadReckoning, Indices, Ranges, dead_reckoning, ranges
+from estimation.arrays import Array, ArrayLike, Indices
+from estimation.system_alignment.logs import DeadReckoning, Ranges, dead_reckoning, ranges
 from estimation.system_alignment.losses import squares
 from estimation.system_alignment.model import predicted_ranges
 from estimation.system_alignment.online import Filtered, predicted, updated

@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.arrays import Array, ArrayLike, broadcast, transposed
+from estimation.arrays import Array, ArrayLike, Indices, broadcast, transposed
 from estimation.frames import east_north_by_polar, east_north_from_polar
 
 _FLOOR_M = 1e-3  # a step's place is never known better: keeps a hover solvable
-Indices = NDArray[np.intp]
 
 
 class DeadReckoning(NamedTuple):

@@ -17,10 +17,10 @@ from functools import cached_property
 
 import numpy as np
 
-from estimation.arrays import Array
+from estimation.arrays import Array, Indices
 from estimation.bordered import Chain, Linearised, Observed
 from estimation.frames import rotation_clockwise
-from estimation.system_alignment.logs import DeadReckoning, Indices, Ranges
+from estimation.system_alignment.logs import DeadReckoning, Ranges
 from estimation.system_alignment.losses import Loss, squares
 from estimation.system_alignment.parameters import (
     CLOCK_DRIFT,

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.arrays import Array
+from estimation.arrays import Array, Indices
 from estimation.bordered import last_covariance
-from estimation.system_alignment.logs import DeadReckoning, Indices, Ranges
+from estimation.system_alignment.logs import DeadReckoning, Ranges
 from estimation.system_alignment.losses import Loss, huber
 from estimation.system_alignment.model import predicted_ranges
 from estimation.system_alignment.parameters import HEADING_BIAS, SPEED_SCALE, WIND, Prior, places_of

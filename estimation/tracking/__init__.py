@@ -9,8 +9,8 @@ from estimation.tracking.bank import (
     improved,
     innovations,
 )
+from estimation.tracking.existence import SUREST, missed, seen, survived
 from estimation.tracking.source_tracks import (
-    SUREST,
     Matches,
     Scan,
     Sensing,
@@ -18,9 +18,6 @@ from estimation.tracking.source_tracks import (
     expected,
     log_ratio,
     matched,
-    missed,
-    seen,
-    survived,
 )
 
 __all__ = [

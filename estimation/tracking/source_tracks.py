@@ -1,12 +1,7 @@
-"""Tracks of one source in its own frame: whose plot is it, and is there a target at all?
+"""Tracks of one source in its own frame: whose plot is it?
 
-One plot to one track, the likeliest set of pairs within a gate. Each track carries the probability
-that its target exists: a plot where it is expected raises it by how much likelier a target is than
-clutter there, a look without a plot lowers it by the chance of a miss. A track is confirmed, and
-given up, by that probability.
-
-Source: Musicki, Evans & Stankovic, "Integrated probabilistic data association", IEEE Trans. AC 39,
-1994, eqs 8-13, with the plot of the assignment in place of the mixture.
+One plot to one track, the likeliest set of pairs within a gate; `existence` says whether there is a
+target at all.
 """
 
 from __future__ import annotations
@@ -18,9 +13,6 @@ import numpy as np
 from estimation.arrays import Array
 from estimation.relative_frame.matrices import Indices
 from estimation.tracking.bank import Bank, Innovations, innovations
-
-SUREST = 0.999
-"""No track is surer of its target: one that is gone must be given up in a few looks."""
 
 
 class Sensing(NamedTuple):
@@ -103,21 +95,3 @@ def assigned(found: Innovations, gate: float) -> tuple[Indices, Indices]:
     track, plot = linear_sum_assignment(gain, maximize=True)
     chosen = possible[track, plot]
     return track[chosen], plot[chosen]
-
-
-def survived(existence: Array, elapsed_s: Array, lifetime_s: float) -> Array:
-    """(n,) probabilities some time later, before anything is seen."""
-    later: Array = existence * np.exp(-np.abs(elapsed_s) / lifetime_s)
-    return later
-
-
-def seen(existence: Array, log_ratio: Array, detection: float) -> Array:
-    """(k,) probabilities after a plot each (eqs 8-10): it may be of the target or of clutter."""
-    odds = existence / (1 - existence) * (1 - detection + np.exp(np.minimum(log_ratio, 50.0)))
-    return np.asarray(np.minimum(odds / (1 + odds), SUREST))
-
-
-def missed(existence: Array, detection: float) -> Array:
-    """(k,) probabilities after a look that should have seen the target and did not."""
-    kept = existence * (1 - detection)
-    return np.asarray(kept / (1 - existence + kept))
