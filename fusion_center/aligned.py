@@ -24,7 +24,7 @@ from estimation.system_alignment.parameters import (
 )
 from schemas.messages import AlignedBeacon, AlignedCarrier
 
-from .navigation import NS, upper_triangle
+from .navigation import NS, triangle_of
 from .state import Aligned, State
 
 _DETERMINED, _WEAK = 0.5, 0.9  # posterior over prior sigma
@@ -101,7 +101,7 @@ def _beacons(carrier: str, known: Aligned) -> Iterator[AlignedBeacon]:
         yield AlignedBeacon(
             beacon=name,
             position_m=known.theta[where].tolist(),
-            covariance=_triangle(covariance[np.ix_(where, where)]),
+            covariance=triangle_of(covariance[np.ix_(where, where)]),
             unobservable=[words for words, touched in directions if name in touched],
             carrier=carrier,
         )
@@ -117,9 +117,9 @@ def _carrier(name: str, known: Aligned) -> AlignedCarrier:
         status=_status(known),
         t_ns=known.t_ns,
         position_m=known.place[:2].tolist(),
-        covariance=_triangle(known.covariance[:2, :2]),
+        covariance=triangle_of(known.covariance[:2, :2]),
         current_mps=theta[WIND].tolist(),
-        current_covariance=_triangle(covariance[WIND, WIND]),
+        current_covariance=triangle_of(covariance[WIND, WIND]),
         north_rad=north_rad,
         sigma_north_rad=sigma_north_rad,
         speed_scale=float(theta[SPEED_SCALE]),
@@ -149,8 +149,3 @@ def _status(known: Aligned) -> Literal["determined", "weak", "undetermined"]:
     if known.ratio < _DETERMINED:
         return "determined"
     return "weak" if known.ratio < _WEAK else "undetermined"
-
-
-def _triangle(covariance: Array) -> list[float]:
-    triangle: list[float] = covariance[upper_triangle(len(covariance))].tolist()
-    return triangle

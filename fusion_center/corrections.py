@@ -8,7 +8,6 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from estimation.arrays import Array
 from estimation.frames import RigidTransform, target_from_source, wrap_pi
 from estimation.relative_frame import (
     OwnAxesFrame,
@@ -20,7 +19,7 @@ from estimation.relative_frame import (
 )
 from schemas.messages import Direction, FixedAxes, OwnAxes, Pose
 
-from .navigation import site, symmetric, upper_triangle
+from .navigation import site, symmetric, triangle_of
 from .state import Estimate
 
 MOST_CHI2 = 1e18
@@ -120,7 +119,7 @@ def _own_axes(frame: OwnAxesFrame, prior: RelativeFramePrior) -> OwnAxes:
         east_m=float(frame.q_m[0]),
         north_m=float(frame.q_m[1]),
         rotation_rad=float(wrap_pi(frame.D_rad)),
-        covariance=_triangle(frame.covariance),
+        covariance=triangle_of(frame.covariance),
         reported_east_m=float(prior.offset_m[0]),
         reported_north_m=float(prior.offset_m[1]),
     )
@@ -132,7 +131,7 @@ def _fixed_axes(frame: RelativeFrame) -> FixedAxes:
         offset_north_m=float(frame.offset_correction_m[1]),
         c1_rad=float(wrap_pi(frame.c1_rad)),
         c2_rad=float(wrap_pi(frame.c2_rad)),
-        covariance=_triangle(frame.covariance),
+        covariance=triangle_of(frame.covariance),
     )
 
 
@@ -143,9 +142,3 @@ def _frame(fixed: FixedAxes, moved_m: float) -> RelativeFrame:
     offset = np.array([fixed.offset_east_m, fixed.offset_north_m])
     c1, c2 = np.array(fixed.c1_rad), np.array(fixed.c2_rad)
     return RelativeFrame(offset, c1, c2, covariance, np.array(0.0), 0, 0)
-
-
-def _triangle(matrix: Array) -> list[float]:
-    """Upper triangle, row by row."""
-    triangle: list[float] = matrix[upper_triangle(len(matrix))].tolist()
-    return triangle

@@ -103,6 +103,12 @@ def symmetric(triangle: Sequence[float], order: int) -> Array:
     return matrix
 
 
+def triangle_of(matrix: Array) -> list[float]:
+    """The upper triangle of a matrix, row by row, as it travels."""
+    triangle: list[float] = matrix[upper_triangle(len(matrix))].tolist()
+    return triangle
+
+
 @cache
 def upper_triangle(order: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Row and column indices of an upper triangle, row by row."""
