@@ -191,6 +191,20 @@ def test_the_declared_covariance_is_honest(fix: Tree | None, noise: Tree) -> Non
     assert np.all(np.abs(nees - 1) < 5 * np.sqrt(2 / (3 * runs))), nees
 
 
+def test_noise_of_readings_alone_is_claimed_from_the_first_step_on() -> None:
+    """Both ends of a way count half: that shows in its first steps only, and alone."""
+    alone = dict.fromkeys(ALL_SIGMAS, 0.0) | {"sigma_log_noise_mps": 2.0}
+    runs, checked = 1500, [1, 2, 30]
+    squares = np.zeros((runs, len(checked)))
+    for seed in range(runs):
+        given = replace(file(NO_ERRORS, **alone), seed=seed)
+        sailed = sail(given, given.carriers[0], origin_of(given), 30)
+        claimed = declared_covariances(given.carriers[0].navigation, sailed, 2.0)[checked, :2, :2]
+        error = sailed.position_error_m[checked]
+        squares[seed] = (error**2).sum(axis=1) / np.trace(claimed, axis1=1, axis2=2)
+    assert squares.mean(axis=0) == pytest.approx(1.0, abs=5 * np.sqrt(2 / runs))
+
+
 def test_log_and_compass_are_read_with_their_noise() -> None:
     quiet, noisy = voyage(file(NO_ERRORS)), voyage(file(NO_ERRORS, **READINGS))
     log, compass = noisy.log_mps - quiet.log_mps, wrap_pi(noisy.compass_rad - quiet.compass_rad)
