@@ -26,8 +26,8 @@ from estimation.frames import (
     target_from_source,
 )
 from estimation.metrics import Gospa, Picture, Siap, gospa_over_time, siap
-from fusion_center.coordinates import Observer, places
 from fusion_center.navigation import pose_at, with_message
+from fusion_center.sources.coordinates import Observer, places
 from schemas import keys
 from schemas.messages import (
     Navigation,

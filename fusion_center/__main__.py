@@ -21,7 +21,7 @@ def _run(options: Namespace) -> int:
     from schemas.bus.member import Buses, Member
     from schemas.bus.zenoh_bus import open_bus
 
-    from .node import FusionNode
+    from .process.node import FusionNode
     from .recorder import record_run
     from .settings import settings_from
 

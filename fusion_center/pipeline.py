@@ -32,24 +32,20 @@ from schemas.messages import (
     Tracks,
 )
 
-from . import (
-    aligned,
-    alignment,
-    joint,
-    memoryless,
-    passive_frames,
-    passive_lines,
-    picture,
-    rollback,
-    timeline,
-)
-from .intake import absorb, take_part
-from .links import status
-from .monitor import sentence
+from . import rollback, timeline
+from .alignment import filtering as alignment
+from .alignment import published as aligned
 from .orders import carry_out
+from .passive import frames as passive_frames
+from .passive import lines as passive_lines
+from .picture import fusing as picture
 from .quality import Tally
+from .relative_frames import joint, memoryless
+from .relative_frames.links import status
+from .relative_frames.monitor import sentence
 from .rollback import Course
 from .settings import Settings
+from .sources.intake import absorb, take_part
 from .state import State
 from .timeline import Batch
 

@@ -9,10 +9,10 @@ from typing import NamedTuple
 from estimation.arrays import Array
 from schemas.messages import AssociatedTarget, Input, SourceQuality, SourceReport
 
-from .association import Method, Pair
-from .picture_watch import Look
-from .sightings import Sightings
-from .source_logs import Absorbed
+from .picture.watch import Look
+from .relative_frames.association import Method, Pair
+from .sources.logs import Absorbed
+from .sources.sightings import Sightings
 
 MOST_NIS = 1e12
 """No single misclosure counts for more."""

@@ -20,9 +20,9 @@ from estimation.frames import (
     target_from_source,
     yaw_rad,
 )
-from fusion_center.coordinates import Flags, Observer, places
 from fusion_center.navigation import pose_at, site, way_m
-from fusion_center.source_logs import instants_ns
+from fusion_center.sources.coordinates import Flags, Observer, places
+from fusion_center.sources.logs import instants_ns
 from schemas import messages as m
 
 UNKNOWN_RANGE_M = 50e3

@@ -26,9 +26,9 @@ from schemas.messages import (
 )
 from schemas.recording.contents import RunEnd
 
-from ..counts import UNKNOWN, StreamCounts
-from ..lives import Lives
-from ..screening import Screen, Screened, Source, source_of
+from ..process.counts import UNKNOWN, StreamCounts
+from ..process.lives import Lives
+from ..process.screening import Screen, Screened, Source, source_of
 from .commands import Commands
 from .gaps import Gaps
 from .rows import EVERYTHING, MAX_ROWS, OTHERS, Row, Rows, Wanted

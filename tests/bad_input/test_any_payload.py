@@ -9,7 +9,7 @@ import msgpack
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fusion_center.ingest import Ingest
+from fusion_center.process.ingest import Ingest
 from schemas import keys
 from schemas.bus.interface import Sample
 from schemas.conformance import Conformance

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from estimation.frames import Site, geodetic_from_enu, on_surface
-from fusion_center.coordinates import Observer, Places, places
+from fusion_center.sources.coordinates import Observer, Places, places
 from schemas.messages import SourceProperties, SourceReport
 
 SHIP = Site(0.7, 0.5, 20.0)

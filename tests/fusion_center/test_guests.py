@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from fusion_center.closing import LockstepClosing
-from fusion_center.ingest import Ingest
+from fusion_center.process.closing import LockstepClosing
+from fusion_center.process.ingest import Ingest
 from schemas.bus.interface import Sample
 from schemas.bus.ledger import StreamKey
 from schemas.messages import Closed, StreamEnd

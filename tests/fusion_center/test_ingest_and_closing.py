@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from fusion_center.closing import LockstepClosing, PacedClosing
-from fusion_center.ingest import Ingest
+from fusion_center.process.closing import LockstepClosing, PacedClosing
+from fusion_center.process.ingest import Ingest
 from schemas import codec, keys
 from schemas.bus.interface import Sample
 from schemas.bus.ledger import StreamKey

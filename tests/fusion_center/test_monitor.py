@@ -6,7 +6,7 @@ from typing import Literal
 
 import pytest
 
-from fusion_center.monitor import after_registration
+from fusion_center.relative_frames.monitor import after_registration
 from fusion_center.settings import MonitorSettings
 from fusion_center.state import Estimate, Monitor
 from schemas.messages import Direction, FixedAxes, OwnAxes, Pose

@@ -7,7 +7,7 @@ import pytest
 
 from estimation.frames import Site, east_north_from_polar, target_from_source, wrap_pi
 from estimation.relative_frame import OwnAxesFrame
-from fusion_center.picture_axes import Placed
+from fusion_center.picture.axes import Placed
 
 ORIGIN = Site(0.62, -0.1, 0.0)
 OWN, OTHER = Site(0.6215, -0.098, 20.0), Site(0.6195, -0.103, 15.0)

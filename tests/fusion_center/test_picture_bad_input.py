@@ -143,7 +143,7 @@ def test_a_scan_that_cannot_be_computed_is_left_out_and_told(
     def singular(*_: object) -> None:
         raise np.linalg.LinAlgError
 
-    monkeypatch.setattr("fusion_center.picture.tracker.step", singular)
+    monkeypatch.setattr("fusion_center.picture.fusing.tracker.step", singular)
     state, outputs = run(lambda report, rng: report, steps=2)
     assert not shown(outputs[-1]).tracks
     assert "not in the picture" in of_radar(outputs[-1], "a").flag

@@ -12,9 +12,9 @@ from msgspec.structs import replace
 from carriers.carrier import Carrier, Stamp
 from estimation.arrays import Array
 from fusion_center import navigation
-from fusion_center.coordinates import Observer, places
-from fusion_center.picture_tracks import NOTHING_TOLD, News, has_tracks, news
-from fusion_center.source_logs import instants_ns
+from fusion_center.picture.tracks import NOTHING_TOLD, News, has_tracks, news
+from fusion_center.sources.coordinates import Observer, places
+from fusion_center.sources.logs import instants_ns
 from fusion_center.state import Told
 from schemas.messages import Navigation, SourceProperties, SourceReport
 from sim_world.world import World

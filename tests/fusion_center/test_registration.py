@@ -10,9 +10,9 @@ import pytest
 
 from estimation.consistency import mean_interval
 from estimation.frames import target_from_source, yaw_rad
-from fusion_center.corrections import poses
-from fusion_center.registration import METHODS, in_own_plane
-from fusion_center.sightings import Sightings
+from fusion_center.relative_frames.corrections import poses
+from fusion_center.relative_frames.registration import METHODS, in_own_plane
+from fusion_center.sources.sightings import Sightings
 from schemas.messages import Pose, Quality
 from tests.fusion_center.scenes import (
     CLOSED_FORM,

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from estimation.arrays import Array
-from fusion_center.coordinates import Places
 from fusion_center.settings import LogSettings
-from fusion_center.sightings import at_instant, sightings
-from fusion_center.source_logs import NO_LOGS, Absorbed, Rules, with_report
+from fusion_center.sources.coordinates import Places
+from fusion_center.sources.logs import NO_LOGS, Absorbed, Rules, with_report
+from fusion_center.sources.sightings import at_instant, sightings
 from fusion_center.state import SourceLogs
 from schemas.messages import Sector, SourceReport
 

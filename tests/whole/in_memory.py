@@ -10,7 +10,7 @@ from typing import Any
 
 from carriers.carrier import Carrier
 from carriers.node import CarrierNode
-from fusion_center.node import FusionNode
+from fusion_center.process.node import FusionNode
 from fusion_center.recorder import record_run
 from fusion_center.settings import settings_from
 from schemas import codec, keys

@@ -1,0 +1,1 @@
+"""Carriers and the beacons they range to (003)."""

@@ -1,0 +1,227 @@
+"""Bearings alone: what each named target of a passive source may be doing, refreshed as it is seen.
+
+The bearings of a target are kept along the axes of the picture, each from where its carrier was, as
+long as the carrier's frame may be used there. Every so often all targets with news are solved anew
+together: nothing is carried over from one solution to the next. A range that the bearings do not
+determine is never told as a number, only as an interval; once it is determined the target becomes
+a track of the picture, which further bearings then improve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+
+import numpy as np
+from msgspec.structs import replace
+
+from estimation.arrays import Array
+from estimation.bearings_only import Bearings, MotionPrior, Solution, bearings, solve_many
+from estimation.tracking.seeding import restated, seeded
+from schemas.messages import BearingLine, SourceReport
+
+from ..navigation import NS, symmetric, upper_triangle
+from ..picture.axes import Placed, placed
+from ..picture.fusing import settings_of
+from ..settings import PassiveSettings
+from ..sources.coordinates import column
+from ..sources.logs import instants_ns
+from ..state import Drawn, Line, Notes, State
+from ..timeline import Instant
+
+MOST_RANGE_M = 1e9
+NO_LINE = Line(t_ns=np.zeros(0, dtype=np.int64), seen=np.zeros((0, 4)))
+SEEN_SURELY = 0.99
+"""Existence of a track that begins with a solution of many bearings."""
+_COVARIANCE = upper_triangle(4)
+
+
+def with_bearings(state: State, instant: Instant) -> State:
+    """The state with the bearings of one instant in its lines."""
+    if not state.settings.passive.enabled:
+        return state
+    for message in instant.messages:
+        if isinstance(message, SourceReport) and message.bearing_rad and message.range_m is None:
+            with np.errstate(all="ignore"):  # numbers from the wire may be anything in bounds
+                axes = placed(state, message.carrier, message.t_ns)
+                if axes is not None:
+                    state = _with_report(state, message, axes)
+    return state
+
+
+def _with_report(state: State, report: SourceReport, axes: Placed) -> State:
+    """The newest bearing of every target that the report names."""
+    n, lines = len(report), dict(state.lines)
+    properties = state.sources(report.carrier).get(report.stream)
+    default = properties.sigma_bearing_rad if properties else None
+    stated = column(report.sigma_bearing_rad, n)
+    sigma = np.where(np.isnan(stated), default or np.nan, stated)
+    bearing = column(report.bearing_rad, n) + axes.turn_rad
+    at_ns, here = instants_ns(report), axes.place_m()
+    for i, name in enumerate(_names(report)):
+        if name and np.isfinite(bearing[i] + sigma[i]):
+            key = f"{report.carrier}/{report.stream}/{name}"
+            row = np.array([[*here, bearing[i], sigma[i]]])
+            before = lines.get(key) or NO_LINE
+            longer = _longer(before, int(at_ns[i]), row, state.settings.passive)
+            lines[key] = replace(longer, identity=_identity(report, i))
+    kept = _bounded(lines, state.settings.passive.most_targets)
+    return _seeded(_solved(replace(state, lines=kept), report.t_ns), report.t_ns)
+
+
+def _names(report: SourceReport) -> Iterator[str]:
+    """What the source calls each target; empty where it does not tell them apart."""
+    for i in range(len(report)):
+        identity = report.identity[i] if report.identity else None
+        yield identity or (report.track_id[i] if report.track_id else None) or ""
+
+
+def _identity(report: SourceReport, i: int) -> str:
+    """kind/name of a target that others see too, as the picture's notes have it."""
+    name = report.identity[i] if report.identity else None
+    kind = report.identity_kind[i] if report.identity_kind else ""
+    return f"{kind}/{name}" if name else ""
+
+
+def _longer(line: Line, t_ns: int, row: Array, settings: PassiveSettings) -> Line:
+    """A line with one bearing more, without those that are too old; one of an instant is enough."""
+    if len(line.t_ns) and t_ns <= line.t_ns[-1]:
+        return line
+    kept = line.t_ns >= t_ns - round(settings.memory_s * 1e9)
+    times = np.append(line.t_ns[kept], np.int64(t_ns))[-settings.most_bearings :]
+    seen = np.concatenate([line.seen[kept], row])[-settings.most_bearings :]
+    return replace(line, t_ns=times, seen=seen)
+
+
+def _bounded(lines: dict[str, Line], most: int) -> dict[str, Line]:
+    """At most so many targets, those that were seen last."""
+    if len(lines) <= most:
+        return lines
+    newest = sorted(lines, key=lambda key: (-int(lines[key].t_ns[-1]), key))[:most]
+    return {key: lines[key] for key in sorted(newest)}
+
+
+def _solved(state: State, t_ns: int) -> State:
+    """The state with every line solved anew that has news and has waited long enough."""
+    settings, lines = state.settings.passive, dict(state.lines)
+    due = [
+        key
+        for key, line in sorted(lines.items())
+        if len(line.t_ns) >= settings.least_bearings
+        and line.t_ns[-1] > line.solved_t_ns
+        and (line.tried_t_ns < 0 or t_ns - line.tried_t_ns >= round(settings.solve_every_s * 1e9))
+    ]
+    due.sort(key=lambda key: len(lines[key].t_ns))
+    for count, some in groupby(due, key=lambda key: len(lines[key].t_ns)):
+        group = list(some)
+        for key, solution in zip(group, _solutions([lines[key] for key in group]), strict=True):
+            line = lines[key]
+            told = _told(key, line, solution, count)
+            newest = int(line.t_ns[-1])
+            lines[key] = replace(line, told=told, solved_t_ns=newest, tried_t_ns=t_ns)
+    return replace(state, lines=lines)
+
+
+def _seeded(state: State, t_ns: int) -> State:
+    """The state with a track of every target whose range has just been found to be known.
+
+    As long as nobody else sees the target, its track is what the newest solution says: that rests
+    on all bearings at once, the filter of the picture on one after another.
+    """
+    drawn = state.picture
+    if drawn.picture is None or not state.settings.picture.enabled:
+        return state
+    known = {note.identity: number for number, note in drawn.notes.items() if note.identity}
+    for key, line in state.lines.items():
+        told = line.told
+        if told is None or line.tried_t_ns != t_ns or not line.identity:
+            continue
+        if told.status != "determined":
+            continue
+        number = known.get(line.identity)
+        if number is None or _is_alone(drawn.notes[number], key):
+            drawn = _with_track(state, drawn, number, line.identity, told)
+    return state if drawn is state.picture else replace(state, picture=drawn)
+
+
+def _is_alone(notes: Notes, key: str) -> bool:
+    """Whether a track rests on this source only."""
+    return set(notes.logs) <= {key.rpartition("/")[0]}
+
+
+def _with_track(
+    state: State, drawn: Drawn, number: str | None, identity: str, told: BearingLine
+) -> Drawn:
+    """The picture with a track where a solution has its target, new or told anew."""
+    if drawn.picture is None or told.position_m is None or told.velocity_mps is None:
+        return drawn
+    late_s = (drawn.picture.t_ns - told.t_ns) * NS
+    mean = np.array([*told.position_m, *told.velocity_mps])
+    mean[:2] += late_s * mean[2:]
+    covariance = symmetric(told.covariance or (), 4)
+    if number is not None:
+        return replace(drawn, picture=restated(drawn.picture, int(number), mean, covariance))
+    notes = {**drawn.notes, str(drawn.picture.begun): Notes(identity=identity)}
+    picture = seeded(drawn.picture, mean, covariance, SEEN_SURELY, settings_of(state))
+    return Drawn(picture=picture, notes=notes)
+
+
+def _solutions(lines: Sequence[Line]) -> list[Solution]:
+    """Of targets with as many bearings each."""
+    first = min(int(line.t_ns[0]) for line in lines)
+    at_s = np.array([np.multiply(line.t_ns - first, NS) for line in lines])
+    seen = np.array([line.seen for line in lines])
+    given: Bearings = bearings(at_s, seen[..., :2], seen[..., 2], seen[..., 3])
+    return solve_many(given, MotionPrior())
+
+
+def _told(key: str, line: Line, solution: Solution, count: int) -> BearingLine | None:
+    """A solution as it is published; None where not even a line comes of it."""
+    of_sight = solution.line
+    if of_sight is None or not np.isfinite(of_sight.covariance).all():
+        return None
+    east, north, _, sigma = line.seen[-1].tolist()
+    winner, runner = solution.winner, solution.runner_up
+    told = BearingLine(
+        id=key,
+        status=solution.status,
+        t_ns=int(line.t_ns[-1]),
+        observer_m=[east, north],
+        bearing_rad=float(np.mod(of_sight.bearing_rad, 2 * np.pi)),
+        sigma_bearing_rad=float(np.sqrt(max(of_sight.covariance[0, 0], 0.0))) or sigma,
+        bearing_rate_rad_s=float(of_sight.bearing_rate_rad_s),
+        range_rate_by_range_hz=float(of_sight.range_rate_over_range),
+        range_low_m=min(solution.interval.low_m, MOST_RANGE_M),
+        range_high_m=_bound(solution.interval.high_m),
+        motion=winner.motion if winner else "",
+        motion_probability=min(winner.weight, 1.0) if winner else 0.0,
+        runner_up=runner.motion if runner else "",
+        p_value=min(max(winner.p_value, 0.0), 1.0) if winner else 1.0,
+        alarm=solution.alarm,
+        bearings=count,
+    )
+    return _with_place(told, solution)
+
+
+def _with_place(told: BearingLine, solution: Solution) -> BearingLine:
+    """The same with a place, where the bearings give one."""
+    state = solution.at(solution.last_s)
+    if state is None or not np.isfinite(state.covariance).all():
+        return told
+    place, rate = state.position_m.tolist(), state.velocity_mps.tolist()
+    if max(map(abs, place)) > MOST_RANGE_M or max(map(abs, rate)) > 1e5:
+        return told
+    covariance: list[float] = state.covariance[_COVARIANCE].tolist()
+    return replace(told, position_m=place, velocity_mps=rate, covariance=covariance)
+
+
+def _bound(range_m: float) -> float | None:
+    """The upper end of an interval; none where it is open."""
+    return range_m if range_m < MOST_RANGE_M else None
+
+
+def lines(state: State, t_ns: int) -> list[BearingLine]:
+    """What is told of the bearings at a closing, while they are not too old."""
+    oldest = t_ns - round(state.settings.passive.shown_s * 1e9)
+    told = (line.told for _, line in sorted(state.lines.items()))
+    return [line for line in told if line is not None and line.t_ns >= oldest]

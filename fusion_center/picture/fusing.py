@@ -1,0 +1,260 @@
+"""The picture: every report of a carrier whose frame may be used improves the common tracks.
+
+The own carrier's reports always count; another's only while its correction is applied, with all
+that the correction leaves unsure (`Scan.common`). No report waits for another: each is taken at its
+own instant, and the picture leaves with the Closed that ended its time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from estimation.arrays import Array
+from estimation.object_count import Count
+from estimation.tracking import tracker
+from estimation.tracking.bernoulli import PairTerm
+from estimation.tracking.imm import Motion
+from estimation.tracking.tracker import Association, Picture
+from estimation.tracking.undetected import Region
+from schemas.messages import Input, SourceProperties, SourceReport, Track
+
+from ..navigation import NS, upper_triangle
+from ..quality import Tally
+from ..state import Drawn, Notes, State, Watched
+from ..timeline import Instant
+from .axes import placed
+from .classes import classes_of
+from .scans import Plots, plots, told_key
+from .watch import flags, look, watched
+
+SAME_NAME, OTHER_NAME = 12.0, -12.0
+"""ln of how much likelier two logs are of one target if they bear one name, or two."""
+MINE = 0.5
+"""Probability from which a log is said to be of a track."""
+MOST_SPEED_MPS = 1e5
+_COVARIANCE = upper_triangle(4)
+
+
+def with_reports(
+    state: State, instant: Instant, tally_of: Callable[[Input], Tally] = lambda message: Tally()
+) -> State:
+    """The state with the reports of one instant in its picture.
+
+    Args:
+        tally_of: where a message is counted.
+    """
+    if not state.settings.picture.enabled:
+        return state
+    for message in instant.messages:
+        if isinstance(message, SourceReport):
+            state = _with_report(state, message, tally_of(message))
+    return state
+
+
+@np.errstate(all="ignore")  # numbers from the wire may be anything within its bounds
+def _with_report(state: State, report: SourceReport, tally: Tally) -> State:
+    axes = placed(state, report.carrier, report.t_ns)
+    seen = plots(state, report, axes) if axes else None
+    if seen is None:
+        return state
+    settings = settings_of(state)
+    before = state.picture.picture or tracker.nothing(settings, report.t_ns)
+    seen = _not_before(seen, before.t_ns)
+    names = _names(report, seen)
+    by_name = _by_name(state.picture, before, names)
+    try:
+        after, done = tracker.step(before, seen.scan, settings, by_name)
+    except (np.linalg.LinAlgError, ValueError):
+        tally.unpictured(report)
+        return state
+    after = _sane(after)
+    notes = _noted(state, report, seen, names, done)
+    alive = {str(number) for number in after.tracks.identity.tolist()}
+    kept = {number: note for number, note in notes.items() if number in alive}
+    told = {} if seen.told is None else {told_key(state, report): seen.told}
+    counts = _watched(state, report, done, tally)
+    drawn = Drawn(
+        picture=after,
+        notes=kept,
+        told=_of_the_living(state, {**state.picture.told, **told}),
+        watched=_of_the_living(state, {**state.picture.watched, **counts}),
+    )
+    return replace(state, picture=drawn)
+
+
+def _of_the_living(state: State, by_source: dict[str, Any]) -> dict[str, Any]:
+    """What is remembered of sources, without earlier lives of their carriers."""
+    alive = {f"{name}/{carrier.boot}" for name, carrier in state.carriers.items()}
+    return {key: value for key, value in by_source.items() if key.rpartition("/")[0] in alive}
+
+
+def _watched(
+    state: State, report: SourceReport, done: Association, tally: Tally
+) -> dict[str, Watched]:
+    """How a source agrees with the picture after one more report, counted and told."""
+    properties = state.sources(report.carrier).get(report.stream, SourceProperties())
+    seen = look(done, 1 if properties.coordinates == "bearing" else 2)
+    key = told_key(state, report)
+    now = watched(state.picture.watched.get(key, Watched()), seen)
+    false = properties.clutter_per_scan + state.settings.tracking.clutter_per_scan
+    tally.pictured(report, seen, flags(now, false))
+    return {key: now}
+
+
+def _sane(picture: Picture) -> Picture:
+    """The picture without tracks whose numbers are none."""
+    bank = picture.tracks.bank
+    finite = np.isfinite(bank.mean).all(axis=(0, 1)) & np.isfinite(bank.model).all(axis=0)
+    finite &= np.isfinite(bank.covariance).all(axis=(0, 1, 2))
+    finite &= np.isfinite(picture.tracks.existence)
+    if finite.all():
+        return picture
+    return picture._replace(tracks=picture.tracks.take(np.flatnonzero(finite)))
+
+
+def settings_of(state: State) -> tracker.Settings:
+    """The settings as the tracker has them; at first every class is as likely."""
+    settings, classes = state.settings.picture, max(len(classes_of(state.scenario)), 1)
+    motion = Motion(
+        quiet=settings.quiet_m2ps3,
+        manoeuvring=settings.manoeuvring_m2ps3,
+        sigma_speed_mps=settings.sigma_speed_mps,
+    )
+    return tracker.Settings(
+        motion=motion,
+        region=Region(half_m=settings.half_width_m),
+        lifetime_s=settings.lifetime_s,
+        gate=settings.gate,
+        confirmed=settings.confirmed,
+        classes=(1.0 / classes,) * classes,
+    )
+
+
+def _not_before(seen: Plots, t_ns: int) -> Plots:
+    """Plots older than the picture are carried on to it by the velocity of their tracks."""
+    late_s = (t_ns - seen.scan.t_ns) * NS
+    if late_s <= 0:
+        return seen
+    measured = seen.scan.plots
+    shifted = measured._replace(offset_s=measured.offset_s - late_s)  # type: ignore[attr-defined]
+    return seen._replace(scan=seen.scan._replace(t_ns=t_ns, plots=shifted))
+
+
+class _Names(NamedTuple):
+    """Identities (m,) of the plots of a scan, kind/name; empty where a log has none."""
+
+    of_plot: NDArray[np.object_]
+
+
+def _names(report: SourceReport, seen: Plots) -> _Names:
+    identities, kinds = report.identity or [], report.identity_kind or []
+    names = [
+        f"{kinds[i] if kinds else ''}/{identities[i]}" if identities and identities[i] else ""
+        for i in seen.log.tolist()
+    ]
+    return _Names(np.array(names, dtype=object))
+
+
+def _by_name(drawn: Drawn, before: Picture, names: _Names) -> PairTerm | None:
+    """What names say of a pair of a track and a plot; nothing where either has none."""
+    if not names.of_plot.any():
+        return None
+    notes = drawn.notes
+    known = (notes.get(str(n), Notes()).identity for n in before.tracks.identity.tolist())
+    of_track = np.array(list(known), dtype=object)
+
+    def term(track: NDArray[np.intp], plot: NDArray[np.intp]) -> Array:
+        one, other = of_track[track], names.of_plot[plot]
+        both = (one != "") & (other != "")
+        return np.where(both, np.where(one == other, SAME_NAME, OTHER_NAME), 0.0)
+
+    return term
+
+
+def _noted(
+    state: State, report: SourceReport, seen: Plots, names: _Names, done: Association
+) -> dict[str, Notes]:
+    """Which names and logs stand behind each track."""
+    notes = dict(state.picture.notes)
+    source = f"{report.carrier}/{report.stream}"
+    boot = state.carriers[report.carrier].boot
+    for number, plot in _taken(done):
+        name = str(number)
+        before = notes.get(name, Notes())
+        log = f"{report.carrier}/{boot}/{report.stream}/{report.seq}/{seen.log[plot]}"
+        notes[name] = Notes(
+            identity=before.identity or names.of_plot[plot], logs={**before.logs, source: log}
+        )
+    return notes
+
+
+def _taken(done: Association) -> Iterable[tuple[int, int]]:
+    """Track and plot of all that are taken for each other, and of the tracks that were begun."""
+    sure = np.flatnonzero(done.probability > MINE)
+    yield from zip(done.identity[sure].tolist(), done.plot[sure].tolist(), strict=True)
+    begun = np.flatnonzero(done.begun >= 0)
+    taken = set(done.plot[sure].tolist())
+    yield from ((int(done.begun[p]), p) for p in begun.tolist() if p not in taken)
+
+
+def objects(state: State, t_ns: int) -> Count:
+    """How many objects there are where a sensor ever looked, shown or not."""
+    drawn = state.picture
+    if drawn.picture is None:
+        return Count(0.0, 0.0)
+    later = tracker.predicted(drawn.picture, max(t_ns, drawn.picture.t_ns), settings_of(state))
+    return tracker.number(later)
+
+
+def tracks(state: State, t_ns: int) -> list[Track]:
+    """What is shown at an instant: the confirmed tracks, surest identity first."""
+    drawn = state.picture
+    if drawn.picture is None:
+        return []
+    settings = settings_of(state)
+    later = tracker.predicted(drawn.picture, max(t_ns, drawn.picture.t_ns), settings)
+    shown = tracker.shown(later, settings)
+    back_s = min(0.0, (t_ns - drawn.picture.t_ns) * NS)
+    place = shown.mean[:, :2] + back_s * shown.mean[:, 2:]
+    rows = zip(
+        shown.identity.tolist(),
+        place.tolist(),
+        shown.mean[:, 2:].tolist(),
+        shown.covariance[:, *_COVARIANCE].tolist(),
+        shown.existence.tolist(),
+        shown.classes.tolist(),
+        strict=True,
+    )
+    names = classes_of(state.scenario)
+    return [
+        _track(f"t{number}", drawn.notes.get(str(number), Notes()), names, *row)
+        for number, *row in rows
+        if np.isfinite(row[0] + row[1] + row[2]).all() and max(map(abs, row[1])) < MOST_SPEED_MPS
+    ]
+
+
+def _track(
+    name: str,
+    notes: Notes,
+    names: Sequence[str],
+    place: list[float],
+    rate: list[float],
+    covariance: list[float],
+    existence: float,
+    classes: list[float],
+) -> Track:
+    return Track(
+        id=name,
+        position_m=place,
+        velocity_mps=rate,
+        covariance=covariance,
+        existence=min(existence, 1.0),
+        classes=dict(zip(names, (min(share, 1.0) for share in classes), strict=False)),
+        carriers=sorted({source.partition("/")[0] for source in notes.logs}),
+        logs=sorted(notes.logs.values()),
+    )

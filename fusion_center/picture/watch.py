@@ -1,0 +1,86 @@
+"""Whether what a source claims of its plots agrees with the picture: sigma, and false plots.
+
+Counts are forgotten over about fifty reports, so that a source that mends its ways is believed
+again. What is flagged is still fused: the picture weighs plots by what is declared of them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.tracking.tracker import Association
+
+from ..state import Watched
+
+KEPT = 0.98
+"""Of the counts from report to report."""
+SETTLED = 10
+"""Reports after which a plot of no track is a false one, not a target seen for the first time."""
+ENOUGH = 60.0
+"""Degrees of freedom on which a verdict rests."""
+TOO_SMALL, TOO_LARGE = 2.0, 0.1
+"""NIS per degree of freedom out of which a claimed sigma is wrong. A gate of 16 lets none beyond 8
+be seen, and plots that lie evenly in it have 4."""
+MOST_FALSE, MORE_FALSE = 3.0, 5.0
+"""Times the declared number of false plots, and as many more, are too many."""
+TAKEN = 0.5
+
+
+class Look(NamedTuple):
+    """What one report had to do with the tracks.
+
+    Attributes:
+        taken, lone: plots that are of a track, and of none.
+        nis: summed over the taken; dof: degrees of freedom of it.
+    """
+
+    taken: int
+    lone: int
+    nis: float
+    dof: int
+
+
+def look(done: Association, dimensions: int) -> Look:
+    """What became of the plots of a report.
+
+    Args:
+        dimensions: of one plot.
+    """
+    sure = done.probability > TAKEN
+    squared = done.distance[sure]
+    squared = squared[np.isfinite(squared)]
+    taken = len(set(done.plot[sure].tolist()))
+    return Look(taken, len(done.begun) - taken, float(squared.sum()), dimensions * len(squared))
+
+
+def watched(before: Watched, seen: Look) -> Watched:
+    """The counts with one more report."""
+    lone = seen.lone if before.reports >= SETTLED else 0
+    return Watched(
+        reports=before.reports + 1,
+        weight=KEPT * before.weight + 1.0,
+        lone=KEPT * before.lone + lone,
+        nis=KEPT * before.nis + seen.nis,
+        dof=KEPT * before.dof + seen.dof,
+    )
+
+
+def flags(now: Watched, declared_false: float) -> list[str]:
+    """What looks wrong with a source, as sentences; the figures are coarse so that they last.
+
+    Args:
+        declared_false: plots of no target expected in a report.
+    """
+    found = []
+    if now.dof >= ENOUGH:
+        ratio = now.nis / now.dof
+        if ratio > TOO_SMALL:
+            found.append("plots lie much farther from the tracks than their sigma says")
+        if ratio < TOO_LARGE:
+            found.append("plots lie much nearer to the tracks than their sigma says")
+    lone = now.lone / max(now.weight, 1.0)
+    if now.reports > 2 * SETTLED and lone > MOST_FALSE * declared_false + MORE_FALSE:
+        found.append(f"far more false plots than the {declared_false:.3g} a report it declares")
+    return found

@@ -1,0 +1,1 @@
+"""Where each carrier's frame lies against the own one: searched, followed, published (000)."""

@@ -1,0 +1,30 @@
+"""One report event: who takes part, and what each sees."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from estimation.relative_frame import RelativeFramePrior
+
+from ..state import Frames
+from .corrections import Poses
+from .views import View
+
+
+class Moment(NamedTuple):
+    """Who takes part in a report event, and what they see.
+
+    Attributes:
+        names: of the other carriers that have reported and can be placed.
+        own: the own carrier's tracks; others: those of the others along the axes of its plane.
+        between, prior: of each other carrier, by its navigation.
+        frames: those that are followed, carried on to the instant.
+    """
+
+    t_ns: int
+    names: tuple[str, ...]
+    own: View
+    others: dict[str, View]
+    between: dict[str, Poses]
+    prior: dict[str, RelativeFramePrior]
+    frames: Frames | None

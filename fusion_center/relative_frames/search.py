@@ -1,0 +1,120 @@
+"""Frames not yet known: which log is whose, and where the carrier's frame lies, both at once.
+
+`estimation.acquisition` on the tracks of the own carrier and of one other. Identities that both
+read and pairs that an operator has bound are certain; pairs ruled out stay apart. What is found is
+used only when one way to lay the pictures on each other has nearly all the probability.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.acquisition import (
+    Acquisition,
+    Clues,
+    Constraints,
+    Settings,
+    Velocities,
+    acquire,
+)
+from estimation.relative_frame import OwnAxesFrame, PolarLogs, RelativeFramePrior
+
+from ..settings import RegistrationSettings
+from ..state import Orders
+from .association import Pair, certain, ruled_out
+from .views import View
+
+TELLING_MPS = 5.0
+"""Sigma of a velocity, per axis, from which it tells ships apart."""
+
+
+class Found(NamedTuple):
+    """What a search came to.
+
+    Attributes:
+        pairs: of the most probable mode, with how each was paired; empty where no mode is trusted.
+        probability: of that mode.
+        sentence: in words.
+        frame: of that mode.
+    """
+
+    pairs: list[Pair]
+    probability: float
+    sentence: str
+    frame: OwnAxesFrame | None = None
+
+
+def searched(
+    own: View, other: View, prior: RelativeFramePrior, orders: Orders, now: RegistrationSettings
+) -> Found:
+    """Pairs of two carriers' tracks when nothing but the prior is known of the other's frame.
+
+    Args:
+        other: its places along the axes of the own plane.
+
+    Raises:
+        LinAlgError, ValueError: covariances or places so extreme that nothing can be computed.
+    """
+    sure = certain(own, other, orders)
+    mine = _surest(own, [pair.own for pair in sure], now.most_tracks)
+    theirs = _surest(other, [pair.other for pair in sure], now.most_tracks)
+    logs = _polar(own, mine), _polar(other, theirs)
+    known = _constraints(own, other, (mine, theirs), sure, orders)
+    clues = Clues(_velocities(own, mine), _velocities(other, theirs))
+    found = acquire(*logs, prior, clues, known, Settings(trust=now.trust))
+    if not _probability(found) > now.trust or found.status == "nothing":  # never of nan
+        return Found([], _probability(found), found.sentence)
+    best = found.modes[0]
+    how = {(pair.own, pair.other): pair.method for pair in sure}
+    pairs = [
+        Pair(i, j, how.get((i, j), "coordinates"))
+        for i, j in zip(mine[best.own].tolist(), theirs[best.other].tolist(), strict=True)
+    ]
+    return Found(pairs, best.probability, found.sentence, best.frame)
+
+
+def _surest(view: View, needed: list[int], most: int) -> NDArray[np.intp]:
+    """The tracks that are searched: those that are paired for certain, and the best known."""
+    if len(view.log) <= most:
+        return np.arange(len(view.log))
+    spread = np.trace(view.covariance, axis1=1, axis2=2)
+    spread[needed] = -1.0
+    return np.sort(np.argsort(spread, kind="stable")[:most])
+
+
+def _polar(view: View, which: NDArray[np.intp]) -> PolarLogs:
+    return PolarLogs.from_east_north(view.east_north_m[which], view.covariance[which])
+
+
+def _velocities(view: View, which: NDArray[np.intp]) -> Velocities:
+    """Velocities that tell targets apart; one that is hardly known yet is none."""
+    covariance = view.velocity_covariance[which]
+    known = np.trace(covariance, axis1=1, axis2=2) < 2 * TELLING_MPS**2
+    return Velocities(np.where(known[:, None], view.velocity_mps[which], np.nan), covariance)
+
+
+def _constraints(
+    own: View,
+    other: View,
+    which: tuple[NDArray[np.intp], NDArray[np.intp]],
+    sure: list[Pair],
+    orders: Orders,
+) -> Constraints:
+    """What is certain, and what is ruled out, in the numbering of the tracks searched."""
+    at_own, at_other = ({int(i): k for k, i in enumerate(rows)} for rows in which)
+    bound = {
+        (at_own[pair.own], at_other[pair.other])
+        for pair in sure
+        if pair.own in at_own and pair.other in at_other
+    }
+    out = ruled_out(own, other, orders)
+    forbidden = {(at_own[i], at_other[j]) for i, j in out if i in at_own and j in at_other}
+    return Constraints(frozenset(bound), frozenset(forbidden - bound))
+
+
+def _probability(found: Acquisition) -> float:
+    chance = found.modes[0].probability if found.modes else 0.0
+    return chance if np.isfinite(chance) else 0.0

@@ -1,0 +1,299 @@
+"""The last two logs of every target of a source and its track, report by report."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.arrays import Array
+from estimation.tracking.source_tracks import Sensing
+from schemas.messages import SourceProperties, SourceReport
+
+from ..navigation import NS
+from ..settings import LogSettings, TrackingSettings
+from ..state import SourceLogs
+from .coordinates import Places
+from .tracks import NAMELESS, Plots, filtered, named, sensing, unseen
+
+LEAP_SIGMAS = 6.0
+
+
+class Absorbed(NamedTuple):
+    """What became of the logs of one report.
+
+    Attributes:
+        logs: how many there were.
+        sigma_defaults: brought no sigma of their own.
+        without_sigma: have a position, but neither they nor their source a sigma: not used.
+        increments: of a kind that is not a position: not used.
+        superseded: not newer than what is known of their target: not used.
+        astray: measured so long before or after their report's stamp that nothing can be done with
+            them: not used.
+        claimed_twice: names that two logs claim: none of these is used.
+        recycled: names that leapt further than any target moves: taken for new targets.
+    """
+
+    logs: int = 0
+    sigma_defaults: int = 0
+    without_sigma: int = 0
+    increments: int = 0
+    superseded: int = 0
+    astray: int = 0
+    claimed_twice: tuple[str, ...] = ()
+    recycled: tuple[str, ...] = ()
+
+
+NO_LOGS = SourceLogs(
+    report_seq=0,
+    report_t_ns=-1,
+    born=0,
+    key=(),
+    identity=(),
+    track=(),
+    seq=np.zeros(0, dtype=np.int64),
+    index=np.zeros(0, dtype=np.int64),
+    t_ns=np.zeros((2, 0), dtype=np.int64),
+    place_m=np.zeros((2, 0, 2)),
+    covariance=np.zeros((2, 0, 2, 2)),
+    altitude_m=np.zeros(0),
+    state=np.zeros((0, 4)),
+    state_covariance=np.zeros((0, 4, 4)),
+    existence=np.zeros(0),
+    hits=np.zeros(0, dtype=np.int64),
+    used_t_ns=np.zeros(0, dtype=np.int64),
+)
+
+
+class Rules(NamedTuple):
+    """How logs are kept and made tracks."""
+
+    logs: LogSettings = LogSettings()
+    tracking: TrackingSettings = TrackingSettings()
+    source: SourceProperties = SourceProperties()
+
+
+def with_report(
+    logs: SourceLogs, report: SourceReport, places: Places, way_m: Array, rules: Rules
+) -> tuple[SourceLogs, Absorbed]:
+    """Put the logs of a report before those already known of the same targets.
+
+    Args:
+        places: of the report's logs, relative to its carrier.
+        way_m: (n, 2) dead-reckoned way of the carrier at each log.
+    """
+    settings = rules.logs
+    fresh = _read(report, places, way_m, settings)
+    now = sensing(
+        rules.source,
+        np.concatenate([places.east_north_m, np.zeros((1, 2))]),
+        rules.tracking,
+        settings.max_age_s,
+    )
+    twice = {name for name, count in Counter(fresh.key).items() if name and count > 1}
+    fresh, born = _with_nameless(logs, fresh, now)
+    single = np.array([name not in twice for name in fresh.key], dtype=np.bool_)
+    known = {name: i for i, name in enumerate(logs.key)}
+    previous = np.array([known.get(name, -1) for name in fresh.key], dtype=np.int64)
+    newer = fresh.t_ns > np.append(logs.t_ns[0], -1)[previous]
+    used = np.flatnonzero(fresh.usable & single & newer)
+    leapt = used[_has_leapt(logs, fresh, used, previous[used], settings)]
+    previous[leapt] = -1
+
+    taken = {fresh.key[i] for i in used} | twice
+    kept = _still_of_use(logs, report, taken, settings)
+    existence = unseen(
+        logs, kept, way_m.mean(axis=0) if len(way_m) else np.zeros(2), report.swept, now
+    )
+    lives = existence > rules.tracking.give_up
+    kept, existence = kept[lives], existence[lives]
+    merged = _merged(logs, fresh, used, previous[used], (kept, existence), (rules, now, born))
+    return merged, Absorbed(
+        logs=len(report),
+        sigma_defaults=int(places.defaulted.sum()),
+        without_sigma=int((places.located & ~places.usable).sum()),
+        increments=len(report) - int(fresh.positions.sum()),
+        superseded=int((fresh.usable & ~newer).sum()),
+        astray=int(fresh.astray.sum()),
+        claimed_twice=tuple(sorted(name.partition("/")[2] for name in twice)),
+        recycled=tuple(sorted(fresh.key[i].partition("/")[2] for i in leapt)),
+    )
+
+
+def _with_nameless(logs: SourceLogs, fresh: _Fresh, now: Sensing) -> tuple[_Fresh, int]:
+    """The logs with names for those that have none, and how many such names there are."""
+    nameless = np.array([not key for key in fresh.key], dtype=np.bool_)
+    which = np.flatnonzero(nameless & fresh.usable)
+    if not which.size:
+        return fresh, logs.born
+    names, born = named(logs, fresh.plots, which, now)
+    key, track = list(fresh.key), list(fresh.track)
+    for i, name in zip(which, names, strict=True):
+        key[i] = track[i] = name
+    return fresh._replace(key=key, track=track), born
+
+
+@np.errstate(all="ignore")  # numbers from the wire may be anything within its bounds
+def _has_leapt(
+    logs: SourceLogs,
+    fresh: _Fresh,
+    used: NDArray[np.intp],
+    previous: NDArray[np.int64],
+    settings: LogSettings,
+) -> NDArray[np.bool_]:
+    """(m,) whether a name stands for another target now: nothing moves so far in that time."""
+    if not len(logs.key):
+        return np.zeros(len(used), dtype=np.bool_)
+    gap_s = (fresh.t_ns[used] - logs.t_ns[0, previous]) * NS
+    moved_m = np.hypot(*(fresh.place_m[used] - logs.place_m[0, previous]).T)
+    variance = np.trace(fresh.covariance[used] + logs.covariance[0, previous], axis1=1, axis2=2)
+    reach_m = settings.max_speed_mps * gap_s + LEAP_SIGMAS * np.sqrt(variance)
+    leapt: NDArray[np.bool_] = (previous >= 0) & (moved_m > reach_m)
+    return leapt
+
+
+class _Fresh(NamedTuple):
+    """The logs of a report in the terms of `SourceLogs`."""
+
+    seq: int
+    stamp_ns: int
+    key: list[str]
+    identity: list[str]
+    track: list[str]
+    positions: NDArray[np.bool_]
+    astray: NDArray[np.bool_]
+    usable: NDArray[np.bool_]
+    t_ns: NDArray[np.int64]
+    place_m: Array
+    covariance: Array
+    altitude_m: Array
+    is_track: NDArray[np.bool_]
+
+    @property
+    def plots(self) -> Plots:
+        """All of them as plots."""
+        return Plots(self.t_ns, self.place_m, self.covariance, self.is_track)
+
+
+def _read(report: SourceReport, places: Places, way_m: Array, settings: LogSettings) -> _Fresh:
+    """Names, instants and places of a report's logs; an unsure instant makes the place unsure."""
+    n = len(report)
+    identity, track = _identities(report, n), _texts(report.track_id, n)
+    key = [f"i/{i}" if i else f"t/{t}" if t else "" for i, t in zip(identity, track, strict=True)]
+    kinds = _texts(report.kind, n)
+    positions = np.array([kind != "increment" for kind in kinds], dtype=np.bool_)
+    covariance = places.covariance
+    if report.sigma_time_offset_s is not None:
+        sigma_s = np.nan_to_num(np.array(report.sigma_time_offset_s, dtype=np.float64))
+        covariance = covariance + round_covariance((settings.sigma_velocity_mps * sigma_s) ** 2)
+    t_ns = instants_ns(report)
+    astray = np.abs(t_ns - report.t_ns) * NS > settings.max_age_s
+    return _Fresh(
+        seq=report.seq,
+        stamp_ns=report.t_ns,
+        key=key,
+        identity=identity,
+        track=track,
+        positions=positions,
+        astray=astray,
+        usable=places.usable & positions & ~astray,
+        t_ns=t_ns,
+        place_m=places.east_north_m + way_m,
+        covariance=covariance,
+        altitude_m=places.altitude_m,
+        is_track=np.array([kind == "track" for kind in kinds], dtype=np.bool_),
+    )
+
+
+def instants_ns(report: SourceReport) -> NDArray[np.int64]:
+    """When each log of a report was measured (n,)."""
+    n = len(report)
+    if report.time_offset_s is None:
+        return np.full(n, report.t_ns, dtype=np.int64)
+    offset_s: Array = np.nan_to_num(np.array(report.time_offset_s, dtype=np.float64))
+    return report.t_ns + np.rint(offset_s / NS).astype(np.int64)
+
+
+def _still_of_use(
+    logs: SourceLogs, report: SourceReport, taken: set[str], settings: LogSettings
+) -> NDArray[np.int64]:
+    """Targets a report says nothing of but that are young enough to be carried on."""
+    young = (report.t_ns - logs.t_ns[0]) * NS <= settings.max_age_s
+    of_use = [i for i, name in enumerate(logs.key) if young[i] and name not in taken]
+    return np.array(of_use, dtype=np.int64)
+
+
+def _merged(
+    logs: SourceLogs,
+    fresh: _Fresh,
+    used: NDArray[np.intp],
+    previous: NDArray[np.int64],
+    rest: tuple[NDArray[np.int64], Array],
+    told: tuple[Rules, Sensing, int],
+) -> SourceLogs:
+    """The used fresh logs, each before its previous one, and after them the kept targets.
+
+    Args:
+        rest: the kept targets and the probabilities of their existence.
+        told: the rules, what is assumed of the source, how many nameless tracks have begun.
+    """
+    (kept, existence), (rules, now, born) = rest, told
+    gap_s = (fresh.t_ns[used] - np.append(logs.t_ns[0], 0)[previous]) * NS
+    # no straight line over a longer gap
+    previous = np.where((previous >= 0) & (gap_s <= rules.logs.max_age_s), previous, -1)
+    known = np.flatnonzero(previous >= 0)
+    t_ns = np.stack([fresh.t_ns[used], np.full(len(used), -1)])
+    place = np.stack([fresh.place_m[used], np.zeros((len(used), 2))])
+    covariance = np.stack([fresh.covariance[used], np.zeros((len(used), 2, 2))])
+    t_ns[1, known] = logs.t_ns[0, previous[known]]
+    place[1, known] = logs.place_m[0, previous[known]]
+    covariance[1, known] = logs.covariance[0, previous[known]]
+    nameless = np.array([fresh.key[i][0] == NAMELESS for i in used], dtype=np.bool_)
+    bank = filtered(
+        logs, fresh.plots.take(used), previous, nameless, now, (rules.logs, rules.tracking)
+    )
+    served = np.append(logs.used_t_ns, -1)[previous]
+
+    most = rules.logs.max_per_source
+    return SourceLogs(
+        report_seq=fresh.seq,
+        report_t_ns=max(logs.report_t_ns, fresh.stamp_ns),
+        born=born,
+        key=_joined(fresh.key, used, logs.key, kept)[:most],
+        identity=_joined(fresh.identity, used, logs.identity, kept)[:most],
+        track=_joined(fresh.track, used, logs.track, kept)[:most],
+        seq=np.concatenate([np.full(len(used), fresh.seq), logs.seq[kept]])[:most],
+        index=np.concatenate([used, logs.index[kept]])[:most],
+        t_ns=np.concatenate([t_ns, logs.t_ns[:, kept]], axis=1)[:, :most],
+        place_m=np.concatenate([place, logs.place_m[:, kept]], axis=1)[:, :most],
+        covariance=np.concatenate([covariance, logs.covariance[:, kept]], axis=1)[:, :most],
+        altitude_m=np.concatenate([fresh.altitude_m[used], logs.altitude_m[kept]])[:most],
+        state=np.concatenate([bank.state, logs.state[kept]])[:most],
+        state_covariance=np.concatenate([bank.covariance, logs.state_covariance[kept]])[:most],
+        existence=np.concatenate([bank.existence, existence])[:most],
+        hits=np.concatenate([bank.hits, logs.hits[kept]])[:most],
+        used_t_ns=np.concatenate([served, logs.used_t_ns[kept]])[:most],
+    )
+
+
+def _identities(report: SourceReport, n: int) -> list[str]:
+    names, kinds = _texts(report.identity, n), _texts(report.identity_kind, n)
+    return [f"{kind}/{name}" if name else "" for name, kind in zip(names, kinds, strict=True)]
+
+
+def _texts(values: Sequence[str | None] | None, n: int) -> list[str]:
+    return [""] * n if values is None else [value or "" for value in values]
+
+
+def _joined(
+    fresh: Sequence[str], used: NDArray[np.intp], old: Sequence[str], kept: NDArray[np.int64]
+) -> tuple[str, ...]:
+    return (*(fresh[i] for i in used), *(old[i] for i in kept))
+
+
+def round_covariance(variance: Array) -> Array:
+    """Covariances (n, 2, 2) of equal variance (n,) [m^2] in every direction."""
+    return variance[:, None, None] * np.eye(2)
