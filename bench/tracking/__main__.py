@@ -16,7 +16,7 @@ import numpy as np
 from bench.figures import Figure, Options, at_least, at_most, cpu_scale, options, report, told
 from bench.tracking import arrival, ours, registered
 from bench.tracking.ours import Run, settings_for
-from bench.tracking.scenes import CARRIERS, Scene, Size, drawn, read
+from bench.tracking.scenes import CARRIERS, FEATURES, Scene, Size, drawn, read, said
 from bench.tracking.scoring import Score, score
 from estimation.tracking.scan import Scan
 from estimation.tracking.tracker import Settings
@@ -79,6 +79,7 @@ def scene_figures(name: str, scene: Scene, peer: bool, gospa_m: float) -> Iterat
     else:
         yield told(f"{name}: identity changes", found.identity_changes)
         yield told(f"{name}: rmse of the number of targets", found.count_rmse)
+    yield from _feature_figures(name, scene, run, limits.cpu_ms)
     yield from _registered_figures(name, scene, run, settings)
     late = arrival.cost(scans, settings, 1)
     yield at_least(f"{name}, scans 0 to 2 s late: same bits", late.identical, 1)
@@ -132,6 +133,22 @@ def _sized(
     yield at_most(f"{name}: GOSPA", found.gospa_m, limits[1], "m")
     yield from _parts(name, found)
     yield told(f"{name}: identity changes", found.identity_changes)
+
+
+def _feature_figures(name: str, scene: Scene, plain: Run, cpu_ms: float) -> Iterator[Figure]:
+    """The same scans with a number and a word at each plot."""
+    settings = settings_for(scene)._replace(features=FEATURES)
+    scans = [
+        scan._replace(features=said(seen))
+        for scan, seen in zip(ours.scans_of(scene, scene.pose), scene.seen, strict=True)
+    ]
+    before = cpu_scale()
+    run = ours.run(scans, settings)
+    faster, found = (before + cpu_scale()) / 2, score(scene, run)
+    yield at_most(f"{name}, features: CPU a scan, scaled", _ms(run) * faster, cpu_ms, "ms")
+    best = score(scene, plain).gospa_m
+    yield at_most(f"{name}, features: GOSPA / without", found.gospa_m / best, 1.0)
+    yield told(f"{name}, features: identity changes", found.identity_changes)
 
 
 def _registered_figures(

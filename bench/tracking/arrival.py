@@ -60,7 +60,8 @@ def rules_for(settings: Settings) -> Rules[Picture, Scan]:
 def held(picture: Picture) -> int:
     """Bytes of the arrays of a picture."""
     tracks, unseen = picture.tracks, picture.undetected
-    arrays = (tracks.identity, tracks.existence, *tracks.bank, tracks.classes, *unseen[1:])
+    known = (tracks.classes, *tracks.features)
+    arrays = (tracks.identity, tracks.existence, *tracks.bank, *known, *unseen[1:])
     return sum(array.nbytes for array in arrays)
 
 
@@ -72,6 +73,7 @@ def same(first: Picture, second: Picture) -> bool:
             (first.tracks[:2], second.tracks[:2]),
             (first.tracks.bank, second.tracks.bank),
             ((first.tracks.classes,), (second.tracks.classes,)),
+            (first.tracks.features, second.tracks.features),
             (first.undetected[1:], second.undetected[1:]),
         )
         for a, b in zip(one, other, strict=True)

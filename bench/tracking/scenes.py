@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from estimation.arrays import Array, Indices
 from estimation.frames import wrap_pi
+from estimation.tracking.features import Layout, Said
 
 CARRIERS = 3
 _SCANS_EACH = 30
@@ -122,6 +123,19 @@ def evidence(seen: Seen) -> Array:
     named = np.where(seen.declared == np.arange(len(_CLASS_MEAN))[:, None], _RIGHT_CLASS, 0.0)
     stated: Array = density * width * (named + wrong) * len(_CLASS_MEAN)
     return stated
+
+
+FEATURES = Layout((_FEATURE_RANGE[1] - _FEATURE_RANGE[0],), (len(_CLASS_MEAN),))
+"""The same as a number and a word, of which nothing is known beforehand."""
+
+
+def said(seen: Seen) -> Said:
+    """What the plots say, when nobody knows how classes and numbers go together."""
+    value = seen.feature[None]
+    wrong = (1 - _RIGHT_CLASS) / len(_CLASS_MEAN)
+    named = np.where(seen.declared == np.arange(len(_CLASS_MEAN))[:, None], _RIGHT_CLASS, 0.0)
+    likelihood = (named + wrong) * len(_CLASS_MEAN)
+    return Said(value, np.full_like(value, _CLASS_SIGMA**2), likelihood, FEATURES)
 
 
 def _read_scan(arrays: dict[str, NDArray[Any]], rows: Indices) -> Seen:

@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.arrays import Array, Indices
-from estimation.tracking import imm
+from estimation.tracking import features, imm
+from estimation.tracking.features import Features, Layout, Said
 from estimation.tracking.gating import near
 from estimation.tracking.imm import Bank
 from estimation.tracking.innovations import Innovations, innovations, joined_innovations
@@ -37,17 +38,20 @@ class Tracks(NamedTuple):
         existence: (n,) probability.
         bank: states.
         classes: (classes, n) probabilities, given that it exists.
+        features: what else is known of it.
     """
 
     identity: Indices
     existence: Array
     bank: Bank
     classes: Array
+    features: Features
 
     def take(self, which: Indices) -> Tracks:
         """The tracks `which`, in that order."""
         classes = np.take(self.classes, which, axis=-1)
-        return Tracks(self.identity[which], self.existence[which], self.bank.take(which), classes)
+        bank, known = self.bank.take(which), self.features.take(which)
+        return Tracks(self.identity[which], self.existence[which], bank, classes, known)
 
 
 class Candidate(NamedTuple):
@@ -76,10 +80,10 @@ class Pairs(NamedTuple):
     classes: Array
 
 
-def none(classes: int) -> Tracks:
+def none(classes: int, layout: Layout) -> Tracks:
     """No tracks."""
-    nobody = np.empty(0, dtype=np.intp)
-    return Tracks(nobody, np.empty(0), imm.empty(), np.empty((classes, 0)))
+    nobody, known = np.empty(0, dtype=np.intp), features.unknown(layout, 0)
+    return Tracks(nobody, np.empty(0), imm.empty(), np.empty((classes, 0)), known)
 
 
 def joined(first: Tracks, second: Tracks) -> Tracks:
@@ -89,6 +93,7 @@ def joined(first: Tracks, second: Tracks) -> Tracks:
         np.concatenate([first.existence, second.existence]),
         imm.joined(first.bank, second.bank),
         np.concatenate([first.classes, second.classes], axis=-1),
+        features.joined(first.features, second.features),
     )
 
 
@@ -113,6 +118,8 @@ def gated(tracks: Tracks, scan: Scan, gate: float, term: PairTerm | None = None)
     after = by_model / np.maximum(likelihood, 1e-300)
     if term is not None:
         likelihood = likelihood * np.exp(term(track, plot))
+    if scan.features is not None:
+        likelihood *= features.ratio(tracks.features, scan.features, track, plot)
     classes, told = judged(np.take(tracks.classes, track, axis=-1), scan.evidence, plot)
     return Pairs(track, plot, found, likelihood * told, after, classes)
 
@@ -153,8 +160,19 @@ def candidates(tracks: Tracks, pairs: Pairs, detection: Array, alone: Array) -> 
     return Candidates(pairs.track, pairs.plot, weight, len(hit), len(alone))
 
 
-def updated(tracks: Tracks, pairs: Pairs, marginals: Marginals, detection: Array) -> Tracks:
-    """Each track after the scan, its hypotheses folded into one by their moments."""
+def updated(
+    tracks: Tracks,
+    pairs: Pairs,
+    marginals: Marginals,
+    detection: Array,
+    said: Said | None = None,
+) -> Tracks:
+    """Each track after the scan, its hypotheses folded into one by their moments.
+
+    Args:
+        detection: (n,) probability that each, if it exists, gives a plot.
+        said: what the plots say of features.
+    """
     missed = tracks.existence * (1.0 - detection) / (1.0 - tracks.existence * detection)
     missed = missed * marginals.track_alone
     sums = _Sums(pairs.track, len(missed))
@@ -163,7 +181,17 @@ def updated(tracks: Tracks, pairs: Pairs, marginals: Marginals, detection: Array
     stay = missed / np.maximum(existence, 1e-300)
     bank = _folded(tracks.bank, pairs, share)
     classes = tracks.classes * stay + sums.of(pairs.classes * share)
-    return Tracks(tracks.identity, np.minimum(existence, 1.0), bank, classes)
+    known = tracks.features if said is None else _told(tracks, pairs, share, said)
+    return Tracks(tracks.identity, np.minimum(existence, 1.0), bank, classes, known)
+
+
+def _told(tracks: Tracks, pairs: Pairs, share: Array, said: Said) -> Features:
+    """Features over the hypotheses of each track; pairs of negligible share count as a miss."""
+    some = np.flatnonzero(share > _MOVES)
+    track, plot = pairs.track[some], pairs.plot[some]
+    told = features.after(tracks.features, said, track, plot)
+    sums = _Sums(track, len(tracks.identity))
+    return features.folded(tracks.features, told, track, share[some], sums.of)
 
 
 def _folded(bank: Bank, pairs: Pairs, share: Array) -> Bank:

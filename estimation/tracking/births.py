@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.arrays import Array
-from estimation.tracking import bernoulli, imm, undetected
+from estimation.tracking import bernoulli, features, imm, undetected
 from estimation.tracking.bernoulli import Tracks
+from estimation.tracking.features import Features, Layout
 from estimation.tracking.imm import Motion
 from estimation.tracking.innovations import corrected, innovations
 from estimation.tracking.measurements import Found
@@ -31,7 +32,9 @@ class Alone(NamedTuple):
     undetected: Undetected
 
 
-def alone(expected: Undetected, scan: Scan, motion: Motion, classes: Array) -> Alone:
+def alone(
+    expected: Undetected, scan: Scan, motion: Motion, classes: Array, layout: Layout
+) -> Alone:
     """Every plot as clutter or a new target.
 
     Args:
@@ -39,22 +42,25 @@ def alone(expected: Undetected, scan: Scan, motion: Motion, classes: Array) -> A
         scan: one report.
         motion: of targets.
         classes: (classes,) prior probabilities.
+        layout: of the features.
     """
     found = scan.plots.found()
     if found is None:
         clutter = np.full(scan.plots.size, scan.clutter)
-        return Alone(clutter, bernoulli.none(len(classes)), expected)
+        return Alone(clutter, bernoulli.none(len(classes), layout), expected)
     visible = scan.view.holds(undetected.centres(expected.region))
     look = Look(visible, scan.detection, found.place_m, scan.clutter)
     expected = undetected.first_looked(expected, look)
-    fresh, fitness = _fresh(found, scan, motion, classes)
+    fresh, fitness = _fresh(found, scan, motion, classes, layout)
     density = undetected.density_at(expected, found.place_m) * scan.detection * fitness
     both = (scan.clutter + density) * found.area
     share = density / np.maximum(scan.clutter + density, 1e-300)
     return Alone(both, fresh._replace(existence=share), undetected.thinned(expected, look))
 
 
-def _fresh(found: Found, scan: Scan, motion: Motion, classes: Array) -> tuple[Tracks, Array]:
+def _fresh(
+    found: Found, scan: Scan, motion: Motion, classes: Array, layout: Layout
+) -> tuple[Tracks, Array]:
     """A track from each plot, and how well new targets explain what it says beside its place."""
     bank = imm.born(found.place_m, found.covariance_m2, scan.plots.offset_s, motion)
     fitness = np.ones(scan.plots.size)
@@ -66,4 +72,13 @@ def _fresh(found: Found, scan: Scan, motion: Motion, classes: Array) -> tuple[Tr
     prior = np.repeat(classes[:, None], scan.plots.size, axis=-1)
     every = np.arange(scan.plots.size)
     posterior, told = bernoulli.judged(prior, scan.evidence, every)
-    return Tracks(every, fitness, bank, posterior), fitness * told
+    return Tracks(every, fitness, bank, posterior, _known(scan, layout)), fitness * told
+
+
+def _known(scan: Scan, layout: Layout) -> Features:
+    """What each plot by itself tells of features."""
+    nothing = features.unknown(layout, scan.plots.size)
+    if scan.features is None:
+        return nothing
+    every = np.arange(scan.plots.size)
+    return features.after(nothing, scan.features, every, every)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.arrays import Array
+from estimation.tracking.features import Said
 from estimation.tracking.innovations import Common
 from estimation.tracking.measurements import Measurement
 
@@ -50,7 +51,8 @@ class Scan(NamedTuple):
         clutter: expected false plots [1/m^2] (bearings alone: [1/rad]).
         common: error that all of them share, if any.
         evidence: (classes, m) likelihood of each plot's features if its target is of a class, over
-            that if it is false; None without features.
+            that if it is false; None without classes.
+        features: what the plots say beside that; None = nothing.
     """
 
     t_ns: int
@@ -60,3 +62,4 @@ class Scan(NamedTuple):
     clutter: float
     common: Common | None = None
     evidence: Array | None = None
+    features: Said | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from estimation.arrays import Array
-from estimation.tracking import bernoulli
+from estimation.tracking import bernoulli, features
 from estimation.tracking.bernoulli import Tracks
 from estimation.tracking.imm import Bank
 from estimation.tracking.tracker import Picture, Settings
@@ -23,7 +23,8 @@ def seeded(
     """
     classes = np.asarray(settings.classes, dtype=float)[:, None]
     bank = _of_one(mean, covariance)
-    new = Tracks(np.array([picture.begun]), np.array([existence]), bank, classes)
+    known = features.unknown(settings.features, 1)
+    new = Tracks(np.array([picture.begun]), np.array([existence]), bank, classes, known)
     return picture._replace(tracks=bernoulli.joined(picture.tracks, new), begun=picture.begun + 1)
 
 

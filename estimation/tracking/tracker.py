@@ -20,6 +20,7 @@ from estimation.object_count import Count, object_count
 from estimation.tracking import bernoulli, imm, undetected
 from estimation.tracking.bernoulli import Pairs, PairTerm, Tracks
 from estimation.tracking.births import alone
+from estimation.tracking.features import Layout
 from estimation.tracking.imm import Motion
 from estimation.tracking.marginals import Candidates, Marginals, by_belief
 from estimation.tracking.scan import Scan
@@ -39,6 +40,7 @@ class Settings(NamedTuple):
         confirmed: existence from which a track is shown.
         pruned: existence below which it is dropped.
         classes: prior probability of each class.
+        features: which there are.
         associate: marginals from candidates; `by_assignment` is the simple mode.
     """
 
@@ -49,6 +51,7 @@ class Settings(NamedTuple):
     confirmed: float = 0.5
     pruned: float = 5e-4
     classes: tuple[float, ...] = (1.0,)
+    features: Layout = Layout()
     associate: Callable[[Candidates], Marginals] = by_belief
 
 
@@ -104,7 +107,7 @@ class Shown(NamedTuple):
 
 def nothing(settings: Settings, t_ns: int) -> Picture:
     """The picture before any scan."""
-    tracks = bernoulli.none(len(settings.classes))
+    tracks = bernoulli.none(len(settings.classes), settings.features)
     return Picture(t_ns, tracks, undetected.unseen(settings.region), 0)
 
 
@@ -124,12 +127,13 @@ def step(
     """
     now = predicted(before, scan.t_ns, settings)
     pairs = bernoulli.gated(now.tracks, scan, settings.gate, term)
-    lone = alone(now.undetected, scan, settings.motion, np.asarray(settings.classes))
+    classes, layout = np.asarray(settings.classes), settings.features
+    lone = alone(now.undetected, scan, settings.motion, classes, layout)
     place, _ = imm.combined(now.tracks.bank)
     detection = np.where(scan.view.holds(place[:2]), min(scan.detection, _SUREST), 0.0)
     candidates = bernoulli.candidates(now.tracks, pairs, detection, lone.density)
     marginals = settings.associate(candidates)
-    old = bernoulli.updated(now.tracks, pairs, marginals, detection)
+    old = bernoulli.updated(now.tracks, pairs, marginals, detection, scan.features)
     new, begun = _named(lone.tracks, marginals.plot_alone, now.begun, settings.pruned)
     kept = old.take(np.flatnonzero(old.existence >= settings.pruned))
     after = Picture(
