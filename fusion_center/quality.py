@@ -71,7 +71,7 @@ class Tally:
         if absorbed.without_sigma:
             row.flags["logs without sigma, and no default: not used"] = None
         if absorbed.increments:
-            row.flags["logs of kind increment: not used"] = None
+            row.flags["increments that say nothing new of a place: not used"] = None
 
     def unplaced(self, report: SourceReport) -> None:
         """A report that came before its carrier's first navigation."""

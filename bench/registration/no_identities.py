@@ -56,7 +56,7 @@ class Found(NamedTuple):
 
 
 def figures(seed: int, runs: int) -> Iterator[Figure]:
-    """What the issue asks of the scenario without identities."""
+    """What is demanded of the scenario without identities."""
     count = max(runs // 160, 8)
     found, asked = [], 0
     for number in range(count):

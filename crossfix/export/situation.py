@@ -21,8 +21,7 @@ from estimation.frames import (
     yaw_rad,
 )
 from fusion_center.navigation import pose_at, site, way_m
-from fusion_center.sources.coordinates import Flags, Observer, places
-from fusion_center.sources.logs import instants_ns
+from fusion_center.sources.coordinates import Flags, Observer, instants_ns, places
 from schemas import messages as m
 
 UNKNOWN_RANGE_M = 50e3

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from estimation.arrays import Array
 from estimation.frames import on_surface, rotation_clockwise, target_from_source
 from fusion_center.navigation import way_m
-from fusion_center.sources.coordinates import Observer, places
-from fusion_center.sources.logs import instants_ns
+from fusion_center.sources.coordinates import Observer, instants_ns, places
 from schemas.messages import Correction, FixedAxes, SourceProperties, SourceReport
 
 from .axes import Axes, View

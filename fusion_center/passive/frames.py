@@ -41,8 +41,7 @@ from ..relative_frames.corrections import Misclosure, Poses
 from ..relative_frames.links import navigated, obstacle, sees_bearings_only
 from ..relative_frames.monitor import MAX_REASON
 from ..settings import PassiveSettings
-from ..sources.coordinates import column
-from ..sources.logs import instants_ns
+from ..sources.coordinates import column, instants_ns
 from ..state import Estimate, Link, Rays, State
 from ..timeline import Instant
 

@@ -24,8 +24,7 @@ from ..navigation import NS, symmetric, upper_triangle
 from ..picture.axes import Placed, placed
 from ..picture.fusing import settings_of
 from ..settings import PassiveSettings
-from ..sources.coordinates import column
-from ..sources.logs import instants_ns
+from ..sources.coordinates import column, instants_ns
 from ..state import Drawn, Line, Notes, State
 from ..timeline import Instant
 

@@ -14,13 +14,12 @@ from estimation.tracking.scan import Scan, View
 from schemas.messages import SourceProperties, SourceReport
 
 from ..navigation import NS, pose_at, site, way_m
-from ..sources.coordinates import Observer, column
+from ..sources.coordinates import Observer, column, instants_ns
 from ..sources.coordinates import places as located
-from ..sources.logs import instants_ns
+from ..sources.news import NOTHING_TOLD, has_tracks, news
 from ..state import State, Told
 from .axes import Placed
 from .classes import CLASS, classes_of, evidence
-from .tracks import NOTHING_TOLD, has_tracks, memory_s, news
 
 LEAST_DETECTION, MOST_DETECTION = 0.05, 0.98
 MOST_REACH_M = 200_000.0
@@ -77,12 +76,12 @@ def _places(state: State, report: SourceReport, axes: Placed) -> _Taken:
     moved = way_m(navigation, at_ns) - way
     observer = Observer(site(pose_at(navigation, report.t_ns)), moved)
     found = located(report, properties, observer, state.settings.logs.target_altitude_m)
-    found, told = found._replace(east_north_m=found.east_north_m + moved), None
-    if has_tracks(report):
+    told = None
+    if has_tracks(report, properties):
         before = state.picture.told.get(told_key(state, report), NOTHING_TOLD)
-        found, told = news(before, report, at_ns, moved, found, way, memory_s(properties))
+        found, told = news(before, report, properties, found, moved + way)
     index = np.flatnonzero(found.usable)
-    here = found.east_north_m[index]
+    here = found.east_north_m[index] + moved[index]
     place = axes.places_m(here, found.altitude_m[index])
     covariance = axes.turned(found.covariance[index])
     sane = np.flatnonzero(_are_sane(place, covariance))

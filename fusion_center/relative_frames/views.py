@@ -27,11 +27,6 @@ from ..state import CarrierState, SourceLogs, State
 from .corrections import Poses
 from .registration import LEAST_RANGE_M
 
-MEMORIES_APART = 3.0
-"""Memories of a source's own filter between two uses of one of its tracks."""
-UNKNOWN_MEMORY_S = 10.0
-"""Of a source that sends tracks and does not say."""
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class View(Sightings):
@@ -105,7 +100,6 @@ def _of_source(
     plot_covariance = logs.covariance[0, which] + (after_s**2)[:, None, None] * spread + blur
     plot_covariance = plot_covariance + walked[:, None, None] * np.eye(2)
     stream = f"{name}/{carrier.boot}/{source}/"
-    apart_ns = _apart_ns(properties)
     return View(
         log=tuple(f"{stream}{logs.seq[i]}/{logs.index[i]}" for i in which),
         source=(source,) * len(which),
@@ -119,22 +113,13 @@ def _of_source(
         velocity_covariance=spread,
         plot_m=logs.place_m[0, which] + after_s[:, None] * rates,
         plot_covariance=plot_covariance,
-        ready=_unused(logs, apart_ns)[which],
+        ready=_unused(logs)[which],
     )
 
 
-def _apart_ns(properties: SourceProperties) -> int:
-    """Time between two uses of one track of a source; 0 for plots."""
-    if not properties.sends_tracks:
-        return 0
-    return round(MEMORIES_APART * (properties.filter_memory_s or UNKNOWN_MEMORY_S) / NS)
-
-
-def _unused(logs: SourceLogs, apart_ns: int) -> NDArray[np.bool_]:
-    """(n,) whose newest log has not served, nor one too near to it in time."""
-    unused = logs.t_ns[0] > logs.used_t_ns
-    far: NDArray[np.bool_] = (logs.used_t_ns < 0) | (logs.t_ns[0] >= logs.used_t_ns + apart_ns)
-    return np.asarray(unused & far)
+def _unused(logs: SourceLogs) -> NDArray[np.bool_]:
+    """(n,) whose newest log has not served."""
+    return np.asarray(logs.t_ns[0] > logs.used_t_ns, dtype=np.bool_)
 
 
 def _confirmed(state: State, logs: SourceLogs, t_ns: int) -> NDArray[np.intp]:
@@ -222,15 +207,10 @@ def with_plots_used(state: State, names: Sequence[str]) -> State:
     carriers = dict(state.carriers)
     for name in names:
         carrier: CarrierState = carriers[name]
-        sources = state.sources(name)
-        logs = {
-            source: _used(logs, _apart_ns(sources.get(source, SourceProperties())))
-            for source, logs in carrier.logs.items()
-        }
+        logs = {source: _used(logs) for source, logs in carrier.logs.items()}
         carriers[name] = replace(carrier, logs=logs)
     return replace(state, carriers=carriers)
 
 
-def _used(logs: SourceLogs, apart_ns: int) -> SourceLogs:
-    serving = _unused(logs, apart_ns)
-    return replace(logs, used_t_ns=np.where(serving, logs.t_ns[0], logs.used_t_ns))
+def _used(logs: SourceLogs) -> SourceLogs:
+    return replace(logs, used_t_ns=np.where(_unused(logs), logs.t_ns[0], logs.used_t_ns))

@@ -12,6 +12,8 @@ from estimation.arrays import Array, transposed
 from estimation.frames import Site, enu_from_geodetic, geodetic_from_enu, level_plane
 from schemas.messages import SourceProperties, SourceReport
 
+from ..navigation import NS
+
 Flags = NDArray[np.bool_]
 
 
@@ -74,14 +76,14 @@ def places(
         for column, read in _READERS
         if getattr(report, column) is not None
     ]
-    return _first_located(readings, len(report))
+    return _first_located(readings, len(report), altitude_m)
 
 
-def _first_located(readings: list[Places], n: int) -> Places:
+def _first_located(readings: list[Places], n: int, altitude_m: float) -> Places:
     """Log by log the first reading that has a position."""
     if not readings:
-        nowhere = np.full((n, 2), np.nan)
-        return Places(nowhere, nowhere[..., None] * [1, 1], nowhere[:, 0], np.zeros(n, dtype=bool))
+        nowhere, height = np.full((n, 2), np.nan), np.full(n, altitude_m)
+        return Places(nowhere, nowhere[..., None] * [1, 1], height, np.zeros(n, dtype=bool))
     best = readings[0]
     for reading in readings[1:]:
         known = best.located
@@ -217,6 +219,15 @@ def _altitudes(carrier: Site, east_north: Array, up: Array, altitude_m: float) -
 def column(values: Sequence[float | None] | None, n: int) -> Array:
     """A column of a report as an array (n,), nan where it or a cell of it is absent."""
     return np.full(n, np.nan) if values is None else np.array(values, dtype=float)
+
+
+def instants_ns(report: SourceReport) -> NDArray[np.int64]:
+    """When each log of a report was measured (n,)."""
+    n = len(report)
+    if report.time_offset_s is None:
+        return np.full(n, report.t_ns, dtype=np.int64)
+    offset_s: Array = np.nan_to_num(np.array(report.time_offset_s, dtype=np.float64))
+    return report.t_ns + np.rint(offset_s / NS).astype(np.int64)
 
 
 def _numbers(*values: float | None) -> Array:

@@ -11,8 +11,9 @@ from ..navigation import pose_at, site, way_m
 from ..quality import Tally
 from ..relative_frames.frames import forgotten
 from ..state import CarrierState, Link, Monitor, State
-from .coordinates import Observer, places
-from .logs import NO_LOGS, Rules, instants_ns, with_report
+from .coordinates import Observer, instants_ns, places
+from .logs import NO_LOGS, Rules, with_report
+from .news import NOTHING_TOLD, has_tracks, news
 
 
 def take_part(state: State, closed: Closed) -> State:
@@ -66,6 +67,10 @@ def _with_report(state: State, report: SourceReport, tally: Tally) -> State:
     )
     settings = state.settings.logs
     found = places(report, properties, observer, settings.target_altitude_m)
+    if has_tracks(report, properties):
+        told = carrier.told.get(report.stream, NOTHING_TOLD)
+        found, told = news(told, report, properties, found, ways)
+        carrier = replace(carrier, told={**carrier.told, report.stream: told})
     before = carrier.logs.get(report.stream, NO_LOGS)
     rules = Rules(settings, state.settings.tracking, properties)
     logs, absorbed = with_report(before, report, found, ways, rules)

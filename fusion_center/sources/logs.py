@@ -16,7 +16,7 @@ from schemas.messages import SourceProperties, SourceReport
 from ..navigation import NS
 from ..settings import LogSettings, TrackingSettings
 from ..state import SourceLogs
-from .coordinates import Places
+from .coordinates import Places, instants_ns
 from .tracks import NAMELESS, Plots, filtered, named, sensing, unseen
 
 LEAP_SIGMAS = 6.0
@@ -29,7 +29,7 @@ class Absorbed(NamedTuple):
         logs: how many there were.
         sigma_defaults: brought no sigma of their own.
         without_sigma: have a position, but neither they nor their source a sigma: not used.
-        increments: of a kind that is not a position: not used.
+        increments: that say nothing new of a place: not used.
         superseded: not newer than what is known of their target: not used.
         astray: measured so long before or after their report's stamp that nothing can be done with
             them: not used.
@@ -115,7 +115,7 @@ def with_report(
         logs=len(report),
         sigma_defaults=int(places.defaulted.sum()),
         without_sigma=int((places.located & ~places.usable).sum()),
-        increments=len(report) - int(fresh.positions.sum()),
+        increments=int((fresh.is_increment & ~places.usable).sum()),
         superseded=int((fresh.usable & ~newer).sum()),
         astray=int(fresh.astray.sum()),
         claimed_twice=tuple(sorted(name.partition("/")[2] for name in twice)),
@@ -163,19 +163,18 @@ class _Fresh(NamedTuple):
     key: list[str]
     identity: list[str]
     track: list[str]
-    positions: NDArray[np.bool_]
+    is_increment: NDArray[np.bool_]
     astray: NDArray[np.bool_]
     usable: NDArray[np.bool_]
     t_ns: NDArray[np.int64]
     place_m: Array
     covariance: Array
     altitude_m: Array
-    is_track: NDArray[np.bool_]
 
     @property
     def plots(self) -> Plots:
         """All of them as plots."""
-        return Plots(self.t_ns, self.place_m, self.covariance, self.is_track)
+        return Plots(self.t_ns, self.place_m, self.covariance)
 
 
 def _read(report: SourceReport, places: Places, way_m: Array, settings: LogSettings) -> _Fresh:
@@ -184,7 +183,6 @@ def _read(report: SourceReport, places: Places, way_m: Array, settings: LogSetti
     identity, track = _identities(report, n), _texts(report.track_id, n)
     key = [f"i/{i}" if i else f"t/{t}" if t else "" for i, t in zip(identity, track, strict=True)]
     kinds = _texts(report.kind, n)
-    positions = np.array([kind != "increment" for kind in kinds], dtype=np.bool_)
     covariance = places.covariance
     if report.sigma_time_offset_s is not None:
         sigma_s = np.nan_to_num(np.array(report.sigma_time_offset_s, dtype=np.float64))
@@ -197,24 +195,14 @@ def _read(report: SourceReport, places: Places, way_m: Array, settings: LogSetti
         key=key,
         identity=identity,
         track=track,
-        positions=positions,
+        is_increment=np.array([kind == "increment" for kind in kinds], dtype=np.bool_),
         astray=astray,
-        usable=places.usable & positions & ~astray,
+        usable=places.usable & ~astray,
         t_ns=t_ns,
         place_m=places.east_north_m + way_m,
         covariance=covariance,
         altitude_m=places.altitude_m,
-        is_track=np.array([kind == "track" for kind in kinds], dtype=np.bool_),
     )
-
-
-def instants_ns(report: SourceReport) -> NDArray[np.int64]:
-    """When each log of a report was measured (n,)."""
-    n = len(report)
-    if report.time_offset_s is None:
-        return np.full(n, report.t_ns, dtype=np.int64)
-    offset_s: Array = np.nan_to_num(np.array(report.time_offset_s, dtype=np.float64))
-    return report.t_ns + np.rint(offset_s / NS).astype(np.int64)
 
 
 def _still_of_use(

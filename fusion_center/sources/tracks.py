@@ -49,19 +49,15 @@ class Plots(NamedTuple):
     Attributes:
         t_ns: (k,).
         place_m: (k, 2), covariance: (k, 2, 2).
-        is_track: (k,) whether the source has filtered it already.
     """
 
     t_ns: NDArray[np.int64]
     place_m: Array
     covariance: Array
-    is_track: NDArray[np.bool_]
 
     def take(self, which: NDArray[np.intp]) -> Plots:
         """Some of them."""
-        return Plots(
-            self.t_ns[which], self.place_m[which], self.covariance[which], self.is_track[which]
-        )
+        return Plots(self.t_ns[which], self.place_m[which], self.covariance[which])
 
 
 class Filters(NamedTuple):
@@ -153,7 +149,6 @@ def filtered(
     elapsed = (mine.t_ns - logs.t_ns[0, rows]) * NS
     expected = carried(before, elapsed, now.process_noise)
     after = improved(expected, mine.place_m, mine.covariance)
-    after = _where(mine.is_track, _as_told(after, mine), after)
     before_hits, surprise = logs.hits[rows], _surprise(expected, mine)
     astray = surprise.distance2 > GROSS  # nameless plots are within their gate
     after = _where(astray & (before_hits > 1), expected, after)
@@ -171,14 +166,6 @@ def _surprise(expected: Bank, plots: Plots) -> Innovations:
     """How far each plot lies from where its own track expects it."""
     spread = expected.covariance[:, :2, :2] + plots.covariance
     return Innovations(*normalised(plots.place_m - expected.state[:, :2], spread))
-
-
-def _as_told(bank: Bank, plots: Plots) -> Bank:
-    """The place as the source's own filter has it: its errors last, they are not averaged."""
-    state, covariance = bank.state.copy(), bank.covariance.copy()
-    state[:, :2] = plots.place_m
-    covariance[:, :2, :2], covariance[:, :2, 2:], covariance[:, 2:, :2] = plots.covariance, 0, 0
-    return Bank(state, covariance)
 
 
 def _where(which: NDArray[np.bool_], one: Bank, other: Bank) -> Bank:

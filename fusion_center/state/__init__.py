@@ -1,8 +1,8 @@
 """The memory of the fusion, and how it is packed."""
 
-from .carriers import Boots, CarrierState, SourceLogs, Timeline
+from .carriers import Boots, CarrierState, SourceLogs, Timeline, Told
 from .links import Estimate, Frames, Link, Monitor, Orders, WatchColumns
-from .targets import Aligned, Drawn, Line, Notes, Rays, Told, Watched
+from .targets import Aligned, Drawn, Line, Notes, Rays, Watched
 from .whole import Past, State, pack, unpack
 
 __all__ = [

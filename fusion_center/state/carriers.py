@@ -81,6 +81,23 @@ class SourceLogs(Struct, frozen=True, kw_only=True, eq=False):
     used_t_ns: NDArray[np.int64]
 
 
+class Told(Struct, frozen=True, kw_only=True, eq=False):
+    """What a source that tracks by itself has said last, as columns; n tracks.
+
+    Attributes:
+        names: of its tracks.
+        t_ns: (n,) of their last logs; used_ns: until when what they know has been used.
+        state: (n, 4) place over ground and velocity of their filters, along the carrier's axes;
+            nan where no filter was sent. covariance: (n, 4, 4).
+    """
+
+    names: tuple[str, ...]
+    t_ns: NDArray[np.int64]
+    used_ns: NDArray[np.int64]
+    state: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+
 class CarrierState(Struct, frozen=True, kw_only=True):
     """What is known of one carrier.
 
@@ -89,7 +106,7 @@ class CarrierState(Struct, frozen=True, kw_only=True):
         lost: out until it joins or boots again.
         navigation: the last two messages, oldest first.
         sources: what its SourceInfo messages declare.
-        logs: by source.
+        logs: by source; told: by source that tracks, what its frame was sought with.
         report_t_ns: newest instant at which a source able to place targets reported; -1 = none.
     """
 
@@ -98,4 +115,5 @@ class CarrierState(Struct, frozen=True, kw_only=True):
     navigation: tuple[Navigation, ...] = ()
     sources: dict[str, SourceProperties] = {}
     logs: dict[str, SourceLogs] = {}
+    told: dict[str, Told] = {}
     report_t_ns: int = -1

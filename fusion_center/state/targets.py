@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from estimation.tracking.tracker import Picture
 from schemas.messages import BearingLine
 
+from .carriers import Told
+
 
 class Notes(Struct, frozen=True, kw_only=True):
     """What a track of the picture rests on.
@@ -20,23 +22,6 @@ class Notes(Struct, frozen=True, kw_only=True):
 
     identity: str = ""
     logs: dict[str, str] = {}
-
-
-class Told(Struct, frozen=True, kw_only=True, eq=False):
-    """What a source that tracks by itself has said last, as columns; n tracks.
-
-    Attributes:
-        names: of its tracks.
-        t_ns: (n,) of their last logs; used_ns: until when what they know is in the picture.
-        state: (n, 4) place over ground and velocity of their filters, along the carrier's axes;
-            nan where no filter was sent. covariance: (n, 4, 4).
-    """
-
-    names: tuple[str, ...]
-    t_ns: NDArray[np.int64]
-    used_ns: NDArray[np.int64]
-    state: NDArray[np.float64]
-    covariance: NDArray[np.float64]
 
 
 class Watched(Struct, frozen=True, kw_only=True):

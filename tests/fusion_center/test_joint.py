@@ -323,18 +323,23 @@ def test_a_source_that_has_fallen_silent_is_not_waited_for() -> None:
     assert times[4:] == [stamp(5), stamp(6), stamp(7)]
 
 
-def test_a_source_that_sends_tracks_serves_only_as_often_as_its_filter_forgets() -> None:
-    """A memory of 2 s: the plots of every sixth report and no other."""
-    scene = two_ships(8)
-    state, rng, pairs = scene.initial(), np.random.default_rng(1), []
-    for step in range(1, 20):
-        said = [
-            changed(m, properties=changed(m.properties, sends_tracks=True, filter_memory_s=2.0))
-            if m.stream == "info" and m.carrier == "b"
-            else m
-            for m in scene.said(step, rng)
-        ]
-        state, out = pipeline.step(state, closed(step, said), said)
-        pairs.append(correction(out).pairs)
-    assert pairs[0] == 8
-    assert [step for step, n in enumerate(pairs[1:], 2) if n] == [7, 13, 19]
+def test_tracks_without_a_filter_make_a_frame_no_surer_than_their_memory() -> None:
+    """A source that sends tracks, and does not say more: T seconds are few independent looks."""
+    scene, steps = two_ships(8), 19
+    sigmas = []
+    for tracks in (False, True):
+        state, rng = scene.initial(), np.random.default_rng(1)
+        for step in range(1, steps + 1):
+            said = [
+                changed(m, properties=changed(m.properties, sends_tracks=tracks, filter_memory_s=4))
+                if m.stream == "info" and m.carrier == "b"
+                else m
+                for m in scene.said(step, rng)
+            ]
+            state, out = pipeline.step(state, closed(step, said), said)
+        axes = correction(out).own_axes
+        assert axes is not None
+        sigmas.append(np.sqrt(axes.covariance[0]))
+    # both logs of a pair weigh alike: n looks of one side, 1 + T / 2 memories of the other
+    looks = 1 + (steps - 1) / 8
+    assert sigmas[1] / sigmas[0] == pytest.approx(np.sqrt((1 + steps / looks) / 2), rel=0.25)

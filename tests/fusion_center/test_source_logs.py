@@ -177,7 +177,7 @@ def test_a_name_claimed_twice_is_used_for_none(name: str) -> None:
 
 def test_what_cannot_be_used_is_counted() -> None:
     places = at([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [np.nan, np.nan]])
-    places.covariance[1] = np.nan
+    places.covariance[1:3] = places.east_north_m[2] = np.nan
     places.defaulted[:2] = True
     said = report(1.0, track_id=list("pqrs"), kind=["plot", "plot", "increment", "plot"])
     logs, absorbed = with_report(NO_LOGS, said, places, np.zeros((4, 2)), Rules(SETTINGS))

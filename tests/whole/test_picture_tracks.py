@@ -1,32 +1,23 @@
-"""A whole run with radars that track by themselves: what they send is fused, and not too often."""
+"""A whole run with radars that track by themselves: what they send is fused, each thing once."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
+from scipy.stats import chi2
 
 import carriers.reports
 from bench.in_process import played
+from bench.registration.tracking_sources import frames, tracking
 from crossfix.tracking_errors import PictureSummary, summarise_picture
-from sim_world.scenario import Scenario, parse_scenario
 from tests.whole.test_picture import judged
 
-STRAIT = Path(__file__).parents[2] / "scenarios" / "strait.toml"
-SENSOR = "[[carriers.sensors]]\n"
-STEPS = 60
-
-
-def tracking(report: str) -> Scenario:
-    """The strait with radars that track."""
-    key = f'tracking = {{ process_noise = 0.1, report = "{report}" }}\n'
-    text = STRAIT.read_text(encoding="utf-8")
-    return parse_scenario(text.replace(SENSOR, SENSOR + key), STRAIT.name)
+STEPS, FRAME_STEPS = 60, 40
 
 
 def summary(report: str) -> PictureSummary:
-    scenario = tracking(report)
+    scenario = tracking(report, 1)
     found = summarise_picture(judged(scenario, played(scenario, steps=STEPS)))
     assert found is not None
     return found
@@ -38,6 +29,19 @@ def test_increments_and_filters_are_as_good_as_plots(report: str) -> None:
     assert found.missed + found.false < 0.3
     assert found.error_m < 40  # the own radar alone; one of its plots has 50 m
     assert 0.4 < found.nees / 2 < 1.3  # as of plots
+
+
+def test_frames_from_increments_are_those_from_plots() -> None:
+    """The increments of a track are its plots; only the first looks are weighed otherwise."""
+    by_plots, by_increments = (frames(tracking(k, 1), FRAME_STEPS) for k in ("", "increment"))
+    assert by_plots.keys() == by_increments.keys() == {"poniente", "siroco"}
+    for name, one in by_plots.items():
+        other = by_increments[name]
+        assert other.sigma_m == pytest.approx(one.sigma_m, rel=0.05)
+        assert one.applied
+        assert other.applied
+        assert abs(other.error_m - one.error_m) < 0.5 * one.sigma_m
+        assert other.nees < chi2.ppf(0.999, 3)
 
 
 def test_tracks_without_a_filter_are_never_believed_too_much(

@@ -12,15 +12,15 @@ from msgspec.structs import replace
 from carriers.carrier import Carrier, Stamp
 from estimation.arrays import Array
 from fusion_center import navigation
-from fusion_center.picture.tracks import NOTHING_TOLD, News, has_tracks, news
-from fusion_center.sources.coordinates import Observer, places
-from fusion_center.sources.logs import instants_ns
+from fusion_center.sources.coordinates import Observer, instants_ns, places
+from fusion_center.sources.news import NOTHING_TOLD, News, has_tracks, news
 from fusion_center.state import Told
 from schemas.messages import Navigation, SourceProperties, SourceReport
 from sim_world.world import World
 from tests.sim_world.test_tracking_radar import made
 
 MEMORY_S = 10.0
+SOURCE = SourceProperties(filter_memory_s=MEMORY_S)
 STEPS = 90
 
 
@@ -52,8 +52,7 @@ def heard(told: Said, before: Told = NOTHING_TOLD) -> News:
     moved = navigation.way_m(way, at_ns) - here
     observer = Observer(navigation.site(navigation.pose_at(way, report.t_ns)), moved)
     found = places(report, SourceProperties(), observer, 0.0)
-    found = found._replace(east_north_m=found.east_north_m + moved)
-    return news(before, report, at_ns, moved, found, here, MEMORY_S)
+    return news(before, report, SOURCE, found, moved + here)
 
 
 def heard_all(reports: tuple[Said, ...]) -> list[News]:
@@ -136,7 +135,7 @@ def test_what_cannot_be_a_plot_is_none() -> None:
         increments = [wrong] * len(told.report)
         assert used(heard(told._replace(report=replace(told.report, increment=increments)))) == 0
     track = next(told for told in unfiltered(said("track")) if len(told.report))
-    nameless = replace(track.report, track_id=None)
+    nameless = replace(track.report, track_id=None, identity=None)
     assert used(heard(track._replace(report=nameless))) == 0
 
 
@@ -149,6 +148,8 @@ def test_memory_forgets_tracks_that_are_silent() -> None:
 
 
 def test_plots_are_no_tracks() -> None:
-    assert has_tracks(said("track")[-1].report)
-    assert has_tracks(said("increment")[-1].report)
-    assert not has_tracks(replace(said("track")[-1].report, kind=None))
+    unsaid = replace(said("track")[-1].report, kind=None)
+    assert has_tracks(said("track")[-1].report, SOURCE)
+    assert has_tracks(said("increment")[-1].report, SOURCE)
+    assert not has_tracks(unsaid, SOURCE)
+    assert has_tracks(unsaid, replace(SOURCE, sends_tracks=True))

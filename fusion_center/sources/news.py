@@ -3,7 +3,8 @@
 An increment, or a track whose filter is sent, is turned into the plot that says what the source has
 learnt since its last report of that track. Of a track without a filter, or of which a report is
 missing, the place is taken whole, with a covariance so much larger as most of it has been said
-before. What was used of which track, and when, is remembered.
+before. What was used of which track, and when, is remembered, by each user of the reports for
+itself: the picture begins to hear a carrier when its frame is known, its frame is sought before.
 """
 
 from __future__ import annotations
@@ -26,12 +27,13 @@ from estimation.tracking.bank import Bank, carried
 from schemas.messages import SourceProperties, SourceReport, TrackFilter
 
 from ..navigation import NS
-from ..relative_frames.views import UNKNOWN_MEMORY_S
-from ..sources.coordinates import Places
 from ..state import Told
+from .coordinates import Places, instants_ns
 
 SAME_NS = 1_000_000
 """Two stamps nearer to each other than this are of one report."""
+UNKNOWN_MEMORY_S = 10.0
+"""Of the filters of a source that does not say."""
 KEPT_NS = 600_000_000_000
 """Of tracks that are silent."""
 MOST_TRACKS = 10_000
@@ -46,7 +48,7 @@ class News(NamedTuple):
     """Logs of a report as plots.
 
     Attributes:
-        found: places from the carrier at its stamp; nan where a log brings nothing new.
+        found: places from where the carrier was at each log; nan where that brings nothing new.
         told: what is to be remembered of the source.
     """
 
@@ -55,7 +57,7 @@ class News(NamedTuple):
 
 
 class _Logs(NamedTuple):
-    """The logs (n,) of a report that are no plots: kinds, names, times, rows in memory or -1."""
+    """The logs (n,) of a report: kinds, names, times, rows in memory or -1."""
 
     kind: NDArray[np.str_]
     name: list[str]
@@ -77,35 +79,35 @@ def memory_s(properties: SourceProperties) -> float:
     return properties.filter_memory_s or UNKNOWN_MEMORY_S
 
 
-def has_tracks(report: SourceReport) -> bool:
-    """Whether any of its logs is more than a plot."""
-    return report.kind is not None and any(kind and kind != "plot" for kind in report.kind)
+def has_tracks(report: SourceReport, properties: SourceProperties) -> bool:
+    """Whether any of its logs is more than a plot; if it does not say, by what its source sends."""
+    return any(kind != "plot" for kind in _kinds(report, properties))
+
+
+def _kinds(report: SourceReport, properties: SourceProperties) -> list[str]:
+    unsaid = "track" if properties.sends_tracks else "plot"
+    return [kind or unsaid for kind in report.kind] if report.kind else [unsaid] * len(report)
 
 
 def news(
     before: Told,
     report: SourceReport,
-    at_ns: Stamps,
-    moved_m: Array,
+    properties: SourceProperties,
     found: Places,
-    way_m: Array,
-    memory_s: float,
+    ways_m: Array,
 ) -> News:
     """What is new in a report, and what to remember of it.
 
     Args:
         before: what is remembered of its source.
-        at_ns: (n,) instants of the logs.
-        found: places of the logs, from the carrier at its stamp.
-        moved_m: (n, 2) the carrier's way from its stamp to each log.
-        way_m: (2,) dead-reckoned way of the carrier at the stamp: places plus it stand still.
-        memory_s: of the source's filters.
+        found: places of the logs, from where the carrier was at each.
+        ways_m: (n, 2) its dead-reckoned way at each: places plus it stand still.
     """
-    logs = _logs(before, report, at_ns)
-    moved = found._replace(
+    logs = _logs(before, report, properties)
+    said = found._replace(
         covariance=found.covariance.copy(), east_north_m=found.east_north_m.copy()
     )
-    filters = _filters(report, way_m + moved_m)
+    filters = _filters(report, ways_m)
     is_increment = np.array([k == "increment" for k in logs.kind.tolist()], dtype=np.bool_)
     is_track = np.array([k == "track" for k in logs.kind.tolist()], dtype=np.bool_)
     since = np.where(logs.row >= 0, logs.at_ns - _at(before.t_ns, logs.row), 1)
@@ -114,22 +116,26 @@ def news(
     exact = is_track & (since > 0) & _continued(before, logs, filters)
     whole = is_track & ~exact & named & (since > 0)
     fresh = (is_increment & (since > 0)) | exact | whole
-    _put_increments(moved, report, moved_m, np.flatnonzero(is_increment & fresh))
-    _put_equivalents(moved, before, logs, filters, np.flatnonzero(exact), way_m)
-    _thinned(moved, whole, waited, memory_s)
-    useful = fresh & _definite(moved.covariance)
-    moved.covariance[(is_increment | is_track) & ~useful] = np.nan
-    return News(moved, _remembered(before, logs, filters, named & (since > 0), useful))
+    _put_increments(said, report, np.flatnonzero(is_increment & fresh))
+    _put_equivalents(said, before, logs, filters, np.flatnonzero(exact), ways_m)
+    _thinned(said, whole, waited, memory_s(properties))
+    useful = fresh & _definite(said.covariance)
+    silent = (is_increment | is_track) & ~useful
+    said.east_north_m[silent & found.usable] = np.nan
+    said.covariance[silent] = np.nan
+    return News(said, _remembered(before, logs, filters, named & (since > 0), useful))
 
 
-def _logs(before: Told, report: SourceReport, at_ns: Stamps) -> _Logs:
+def _logs(before: Told, report: SourceReport, properties: SourceProperties) -> _Logs:
     n = len(report)
     rows = {name: row for row, name in enumerate(before.names)}
-    names = [name or "" for name in report.track_id or [""] * n]
+    nobody: list[str | None] = [None] * n
+    named = zip(report.track_id or nobody, report.identity or nobody, strict=True)
+    names = [track or (f"/{identity}" if identity else "") for track, identity in named]
     return _Logs(
-        np.array([kind or "plot" for kind in report.kind or ["plot"] * n]),
+        np.array(_kinds(report, properties)),
         names,
-        at_ns,
+        instants_ns(report),
         np.array([rows.get(name, -1) for name in names], dtype=np.intp),
     )
 
@@ -142,7 +148,7 @@ class _Filters(NamedTuple):
     since_ns: NDArray[np.int64]
 
 
-def _filters(report: SourceReport, way_m: Array) -> _Filters:
+def _filters(report: SourceReport, ways_m: Array) -> _Filters:
     n = len(report)
     state, covariance = np.full((n, 4), np.nan), np.full((n, 4, 4), np.nan)
     noise, since_ns = np.zeros(n), np.full(n, -1, dtype=np.int64)
@@ -151,7 +157,7 @@ def _filters(report: SourceReport, way_m: Array) -> _Filters:
         if isinstance(sent, TrackFilter) and sent.model == MODEL and len(sent.state) == 4:
             state[i], noise[i], since_ns[i] = sent.state, sent.q, sent.previous_t_ns
             covariance[i][upper] = covariance[i].T[upper] = sent.covariance
-    state[:, :2] += way_m
+    state[:, :2] += ways_m
     return _Filters(Bank(state, covariance), noise, since_ns)
 
 
@@ -174,9 +180,7 @@ def _thinned(places: Places, which: Flags, waited_ns: Stamps, memory_s: float) -
     places.covariance[which] *= factor.reshape(-1, 1, 1)
 
 
-def _put_increments(
-    places: Places, report: SourceReport, moved_m: Array, which: NDArray[np.intp]
-) -> None:
+def _put_increments(places: Places, report: SourceReport, which: NDArray[np.intp]) -> None:
     """Replace places of increments by what they say; nan where they say nothing of a place."""
     for i in which.tolist():
         sent = report.increment[i] if report.increment else None
@@ -188,7 +192,7 @@ def _put_increments(
         matrix[np.triu_indices(size)] = sent.information
         matrix = matrix + np.triu(matrix, 1).T
         place, covariance = as_plots(Increment(np.array(sent.y, dtype=float), matrix))
-        places.east_north_m[i], places.covariance[i] = place + moved_m[i], covariance
+        places.east_north_m[i], places.covariance[i] = place, covariance
 
 
 def _put_equivalents(
@@ -197,7 +201,7 @@ def _put_equivalents(
     logs: _Logs,
     filters: _Filters,
     which: NDArray[np.intp],
-    way_m: Array,
+    ways_m: Array,
 ) -> None:
     """Replace places of tracks by plots that say what their filters have learnt."""
     for noise in np.unique(filters.noise[which]).tolist():
@@ -211,7 +215,7 @@ def _put_equivalents(
             MotionModel(np.eye(4), np.zeros((4, 4))),  # it is carried on already
         )
         place, covariance = as_plots(gained)
-        places.east_north_m[some] = place - way_m
+        places.east_north_m[some] = place - ways_m[some]
         places.covariance[some] = covariance
 
 
