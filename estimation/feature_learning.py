@@ -66,6 +66,37 @@ def taught_variance(
     )
 
 
+def taught_scale(
+    learned: LearnedVariance,
+    apart: Array,
+    known_variance: Array,
+    stated_variance: Array,
+    weight: Array,
+    most: float,
+) -> LearnedVariance:
+    """What values teach of the scale of a source's variance: what it truly is over what it states.
+
+    The noise behind a value is told from what was not known of the target by the scale so far,
+    which is one step of EM; `learned` begins as `declared_variance(1.0)`.
+
+    Args:
+        learned: so far, of scaled squares.
+        apart: (n,) values less what was expected of their targets.
+        known_variance: (n,) of what was expected.
+        stated_variance: (n,) of the values, as the source states it.
+        weight: (n,) probability that each value is of its target and right.
+        most: pairs remembered; what is older fades.
+    """
+    noise = learned.squares / learned.weight * stated_variance
+    gain = noise / (noise + known_variance)
+    squares = gain**2 * apart**2 + gain * known_variance
+    total = learned.weight + float(weight.sum())
+    kept = min(1.0, most / total)
+    return LearnedVariance(
+        kept * total, kept * (learned.squares + float(weight @ (squares / stated_variance)))
+    )
+
+
 def with_learned(feature: Parametric, learned: LearnedVariance, least: float = 0.1) -> Parametric:
     """The feature with what was learned of its variance.
 

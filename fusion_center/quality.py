@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from estimation.arrays import Array
-from schemas.messages import AssociatedTarget, Input, SourceQuality, SourceReport
+from schemas.messages import AssociatedTarget, FeatureQuality, Input, SourceQuality, SourceReport
 
 from .picture.watch import Look
 from .relative_frames.association import Method, Pair
@@ -33,6 +33,7 @@ class _Row:
     track_nis: float = 0.0
     track_nis_dof: int = 0
     associated: set[str] = field(default_factory=set)
+    features: dict[str, FeatureQuality] = field(default_factory=dict)
     flags: dict[str, None] = field(default_factory=dict)
 
 
@@ -103,6 +104,14 @@ class Tally:
         row.track_nis_dof += seen.dof
         row.flags.update(dict.fromkeys(flags))
 
+    def learned(
+        self, report: SourceReport, found: Mapping[str, FeatureQuality], flags: Iterable[str]
+    ) -> None:
+        """How well the source of a report tells features, and what is odd about it."""
+        row = self._row(report.carrier, report.stream)
+        row.features.update(found)
+        row.flags.update(dict.fromkeys(flags))
+
     def registered(
         self,
         carriers: tuple[str, str],
@@ -149,6 +158,7 @@ class Tally:
                 lone=row.lone,
                 track_nis=_per_degree(row.track_nis, row.track_nis_dof),
                 track_nis_dof=row.track_nis_dof,
+                features=row.features,
                 flag="; ".join(row.flags)[:1024],
             )
             for (carrier, source), row in sorted(self._rows.items(), key=lambda item: item[0])

@@ -107,6 +107,18 @@ class PictureSettings(Struct, frozen=True, kw_only=True):
     ] = 0.8
 
 
+class FeatureSettings(Struct, frozen=True, kw_only=True):
+    """How features of targets, such as a length, help to tell them apart."""
+
+    enabled: Annotated[bool, Meta(description="whether features count in any association")] = True
+    learn: Annotated[
+        bool, Meta(description="whether their sigmas and confusions are learned, not just declared")
+    ] = True
+    most_pairs: Annotated[
+        float, _positive("confident pairs that a learned sigma or confusion remembers", 1e6)
+    ] = 1000.0
+
+
 class PassiveSettings(Struct, frozen=True, kw_only=True):
     """How the bearings of passive sources are made solutions."""
 
@@ -239,6 +251,7 @@ class Settings(Struct, frozen=True, kw_only=True):
     registration: RegistrationSettings = RegistrationSettings()
     monitor: MonitorSettings = MonitorSettings()
     picture: PictureSettings = PictureSettings()
+    features: FeatureSettings = FeatureSettings()
     passive: PassiveSettings = PassiveSettings()
     alignment: AlignmentSettings = AlignmentSettings()
 

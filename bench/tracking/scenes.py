@@ -125,7 +125,7 @@ def evidence(seen: Seen) -> Array:
     return stated
 
 
-FEATURES = Layout((_FEATURE_RANGE[1] - _FEATURE_RANGE[0],), (len(_CLASS_MEAN),))
+FEATURES = Layout(1, (len(_CLASS_MEAN),))
 """The same as a number and a word, of which nothing is known beforehand."""
 
 
@@ -135,7 +135,8 @@ def said(seen: Seen) -> Said:
     wrong = (1 - _RIGHT_CLASS) / len(_CLASS_MEAN)
     named = np.where(seen.declared == np.arange(len(_CLASS_MEAN))[:, None], _RIGHT_CLASS, 0.0)
     likelihood = (named + wrong) * len(_CLASS_MEAN)
-    return Said(value, np.full_like(value, _CLASS_SIGMA**2), likelihood, FEATURES)
+    width = np.array([_FEATURE_RANGE[1] - _FEATURE_RANGE[0]])
+    return Said(value, np.full_like(value, _CLASS_SIGMA**2), likelihood, width, FEATURES)
 
 
 def _read_scan(arrays: dict[str, NDArray[Any]], rows: Indices) -> Seen:

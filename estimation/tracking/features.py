@@ -27,11 +27,11 @@ class Layout(NamedTuple):
     """Which features there are; the same in all steps of a picture.
 
     Attributes:
-        widths: of the population of each of the P numbers, greatest less least.
+        numbers: how many; P of them.
         sizes: how many categories each of the F words has; R together.
     """
 
-    widths: tuple[float, ...] = ()
+    numbers: int = 0
     sizes: tuple[int, ...] = ()
 
     @property
@@ -71,18 +71,20 @@ class Said(NamedTuple):
         value, variance: (P, m) of the numbers; a value is nan where nothing is said.
         likelihood: (R, m) of the word that is said if the target is of a category, over that of a
             false plot; 1 where nothing is said.
+        width: (P,) of the population of each number as the source has it, greatest less least.
         layout: of the rows.
     """
 
     value: Array
     variance: Array
     likelihood: Array
+    width: Array
     layout: Layout
 
 
 def unknown(layout: Layout, tracks: int) -> Features:
     """Nothing known of any track."""
-    blank = (len(layout.widths), tracks)
+    blank = (layout.numbers, tracks)
     return Features(
         np.ones(blank), np.zeros(blank), np.ones(blank), np.repeat(layout.evenly, tracks, axis=-1)
     )
@@ -151,10 +153,24 @@ def folded(
     return Features(np.clip(unsaid, 0.0, 1.0), known.mean + lean, variance, shares)
 
 
-def agreement(one: Features, other: Features, layout: Layout, i: Indices, j: Indices) -> Array:
-    """Log-likelihood ratio (k,) that tracks i of one side and j of another are of one target."""
+def right(known: Features, said: Said, track: Indices, plot: Indices) -> Array:
+    """Probability (P, k) that a number was known and its value has to do with it, in each pair."""
+    unsaid = known.unsaid[:, track]
+    both = (1.0 - unsaid) * (1.0 - WRONG) * _density(known, said, track, plot)
+    ratio = number_ratios(known, said, track, plot)
+    return np.where(np.isnan(said.value[:, plot]), 0.0, both / ratio)
+
+
+def agreement(
+    one: Features, other: Features, width: Array, layout: Layout, i: Indices, j: Indices
+) -> Array:
+    """Log-likelihood ratio (k,) that tracks i of one side and j of another are of one target.
+
+    Args:
+        width: (P,) of the population of each number.
+    """
     spread = one.variance[:, i] + other.variance[:, j]
-    density = _normal(one.mean[:, i] - other.mean[:, j], spread) * _widths(layout)
+    density = _normal(one.mean[:, i] - other.mean[:, j], spread) * width[:, None]
     known = (1.0 - one.unsaid[:, i]) * (1.0 - other.unsaid[:, j])
     numbers = WRONG + (1.0 - WRONG) * (1.0 - known + known * density)
     joint = one.shares[:, i] * other.shares[:, j] / layout.evenly
@@ -188,16 +204,12 @@ def _numbers_after(
 def _density(known: Features, said: Said, track: Indices, plot: Indices) -> Array:
     """Density (P, k) of each value if it is of the track, over the population's."""
     spread = known.variance[:, track] * _FADES + said.variance[:, plot]
-    return _normal(said.value[:, plot] - known.mean[:, track], spread) * _widths(said.layout)
+    return _normal(said.value[:, plot] - known.mean[:, track], spread) * said.width[:, None]
 
 
 def _normal(apart: Array, variance: Array) -> Array:
     density: Array = np.exp(-0.5 * apart**2 / variance) / np.sqrt(2.0 * np.pi * variance)
     return density
-
-
-def _widths(layout: Layout) -> Array:
-    return np.array(layout.widths, dtype=float)[:, None]
 
 
 def _by_word(joint: Array, layout: Layout) -> Array:

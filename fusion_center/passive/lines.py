@@ -162,7 +162,7 @@ def _with_track(
         return replace(drawn, picture=restated(drawn.picture, int(number), mean, covariance))
     notes = {**drawn.notes, str(drawn.picture.begun): Notes(identity=identity)}
     picture = seeded(drawn.picture, mean, covariance, SEEN_SURELY, settings_of(state))
-    return Drawn(picture=picture, notes=notes)
+    return replace(drawn, picture=picture, notes=notes)
 
 
 def _solutions(lines: Sequence[Line]) -> list[Solution]:

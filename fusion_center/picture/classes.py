@@ -12,8 +12,7 @@ from estimation.arrays import Array
 from estimation.classes import by_confusion, by_set, discounted
 from schemas.messages import DeclaredScenario, FeatureInfo, SourceReport
 
-CLASS = "class"
-"""Feature under which a source declares the classes it tells, and how it confuses them."""
+from ..sources.features import CLASS
 
 
 def classes_of(scenario: DeclaredScenario) -> tuple[str, ...]:

@@ -25,8 +25,10 @@ from schemas.messages import Input, SourceProperties, SourceReport, Track
 
 from ..navigation import NS, upper_triangle
 from ..quality import Tally
-from ..state import Drawn, Notes, State, Watched
+from ..sources.features import NOTHING_LEARNED, layout
+from ..state import Drawn, Learned, Notes, State, Watched
 from ..timeline import Instant
+from . import learning
 from .axes import placed
 from .classes import classes_of
 from .scans import Plots, plots, told_key
@@ -58,6 +60,7 @@ def with_reports(
 
 @np.errstate(all="ignore")  # numbers from the wire may be anything within its bounds
 def _with_report(state: State, report: SourceReport, tally: Tally) -> State:
+    state = learning.with_dictionary(state)
     axes = placed(state, report.carrier, report.t_ns)
     seen = plots(state, report, axes) if axes else None
     if seen is None:
@@ -78,11 +81,14 @@ def _with_report(state: State, report: SourceReport, tally: Tally) -> State:
     kept = {number: note for number, note in notes.items() if number in alive}
     told = {} if seen.told is None else {told_key(state, report): seen.told}
     counts = _watched(state, report, done, tally)
-    drawn = Drawn(
+    learned = _learned(state, report, seen, (before, done), tally)
+    drawn = replace(
+        state.picture,
         picture=after,
         notes=kept,
         told=_of_the_living(state, {**state.picture.told, **told}),
         watched=_of_the_living(state, {**state.picture.watched, **counts}),
+        learned=_of_the_living(state, {**state.picture.learned, **learned}),
     )
     return replace(state, picture=drawn)
 
@@ -91,6 +97,26 @@ def _of_the_living(state: State, by_source: dict[str, Any]) -> dict[str, Any]:
     """What is remembered of sources, without earlier lives of their carriers."""
     alive = {f"{name}/{carrier.boot}" for name, carrier in state.carriers.items()}
     return {key: value for key, value in by_source.items() if key.rpartition("/")[0] in alive}
+
+
+def _learned(
+    state: State, report: SourceReport, seen: Plots, met: tuple[Picture, Association], tally: Tally
+) -> dict[str, Learned]:
+    """What is known of the features of a source after one more report, counted and told.
+
+    Args:
+        met: the picture before, and what its tracks had to do with the report.
+    """
+    settings, key = state.settings.features, told_key(state, report)
+    if seen.heard is None or not settings.learn:
+        return {}
+    source = state.sources(report.carrier).get(report.stream, SourceProperties())
+    before = state.picture.learned.get(key, NOTHING_LEARNED)
+    known, most = state.picture.dictionary, settings.most_pairs
+    now = learning.taught(before, met[0], seen.heard, met[1], known, source, most)
+    found = learning.quality(now, source)
+    tally.learned(report, found, learning.flags(found))
+    return {key: now}
 
 
 def _watched(
@@ -112,6 +138,8 @@ def _sane(picture: Picture) -> Picture:
     finite = np.isfinite(bank.mean).all(axis=(0, 1)) & np.isfinite(bank.model).all(axis=0)
     finite &= np.isfinite(bank.covariance).all(axis=(0, 1, 2))
     finite &= np.isfinite(picture.tracks.existence)
+    for part in picture.tracks.features:
+        finite &= np.isfinite(part).all(axis=0)
     if finite.all():
         return picture
     return picture._replace(tracks=picture.tracks.take(np.flatnonzero(finite)))
@@ -132,6 +160,7 @@ def settings_of(state: State) -> tracker.Settings:
         gate=settings.gate,
         confirmed=settings.confirmed,
         classes=(1.0 / classes,) * classes,
+        features=layout(state.picture.dictionary),
     )
 
 

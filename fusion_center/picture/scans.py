@@ -16,10 +16,11 @@ from schemas.messages import SourceProperties, SourceReport
 from ..navigation import NS, pose_at, site, way_m
 from ..sources.coordinates import Observer, column, instants_ns
 from ..sources.coordinates import places as located
+from ..sources.features import CLASS, NOTHING_LEARNED, Heard, heard
 from ..sources.news import NOTHING_TOLD, has_tracks, news
 from ..state import State, Told
 from .axes import Placed
-from .classes import CLASS, classes_of, evidence
+from .classes import classes_of, evidence
 
 LEAST_DETECTION, MOST_DETECTION = 0.05, 0.98
 MOST_REACH_M = 200_000.0
@@ -32,11 +33,13 @@ class Plots(NamedTuple):
     Attributes:
         log: (m,) which log of the report each of its plots is.
         told: what is to be remembered of a source that sends tracks; None of others.
+        heard: what they say of features; None = nothing.
     """
 
     scan: Scan
     log: NDArray[np.intp]
     told: Told | None = None
+    heard: Heard | None = None
 
 
 class _Taken(NamedTuple):
@@ -65,7 +68,10 @@ def plots(state: State, report: SourceReport, axes: Placed) -> Plots | None:
     scan = Scan(report.t_ns, measured, view, detection, false / extent, axes.common())
     classes, told = classes_of(state.scenario), properties.features.get(CLASS)
     told_of = evidence(report, index, classes, told, state.settings.picture.class_trust)
-    return Plots(scan._replace(evidence=told_of), index, memory)
+    learned = state.picture.learned.get(told_key(state, report), NOTHING_LEARNED)
+    by_features = heard(report, index, properties, state.picture.dictionary, learned)
+    scan = scan._replace(evidence=told_of, features=by_features and by_features.said)
+    return Plots(scan, index, memory, by_features)
 
 
 def _places(state: State, report: SourceReport, axes: Placed) -> _Taken:

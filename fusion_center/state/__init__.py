@@ -1,6 +1,7 @@
 """The memory of the fusion, and how it is packed."""
 
 from .carriers import Boots, CarrierState, SourceLogs, Timeline, Told
+from .features import Dictionary, Learned, Reports, Scale, Word
 from .links import Estimate, Frames, Link, Monitor, Orders, WatchColumns
 from .targets import Aligned, Drawn, Line, Notes, Rays, Watched
 from .whole import Past, State, pack, unpack
@@ -9,9 +10,11 @@ __all__ = [
     "Aligned",
     "Boots",
     "CarrierState",
+    "Dictionary",
     "Drawn",
     "Estimate",
     "Frames",
+    "Learned",
     "Line",
     "Link",
     "Monitor",
@@ -19,12 +22,15 @@ __all__ = [
     "Orders",
     "Past",
     "Rays",
+    "Reports",
+    "Scale",
     "SourceLogs",
     "State",
     "Timeline",
     "Told",
     "WatchColumns",
     "Watched",
+    "Word",
     "pack",
     "unpack",
 ]

@@ -10,6 +10,7 @@ from estimation.tracking.tracker import Picture
 from schemas.messages import BearingLine
 
 from .carriers import Told
+from .features import Dictionary, Learned
 
 
 class Notes(Struct, frozen=True, kw_only=True):
@@ -45,12 +46,15 @@ class Drawn(Struct, frozen=True, kw_only=True, eq=False):
 
     Attributes:
         told: of sources that send tracks, by carrier/boot/source; watched: of all, alike.
+        dictionary: the features that its tracks know; learned: of the sources that report them.
     """
 
     picture: Picture | None = None
     notes: dict[str, Notes] = {}
     told: dict[str, Told] = {}
     watched: dict[str, Watched] = {}
+    dictionary: Dictionary = Dictionary()
+    learned: dict[str, Learned] = {}
 
 
 class Line(Struct, frozen=True, kw_only=True, eq=False):

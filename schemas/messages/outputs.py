@@ -303,6 +303,22 @@ class Alignment(Output, frozen=True, kw_only=True, omit_defaults=True):
     carriers: list[AlignedCarrier] = []
 
 
+class FeatureQuality(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """How well a source reports a feature, as confident pairs have shown.
+
+    Attributes:
+        pairs: that it rests on.
+        declared_sigma, learned_sigma: of a number; 0 of a word.
+        declared_right, learned_right: share of a word's reports that are right; 0 of a number.
+    """
+
+    pairs: Annotated[float, Meta(ge=0, le=1e12)] = 0.0
+    declared_sigma: Annotated[float, Meta(ge=0, le=1e18)] = 0.0
+    learned_sigma: Annotated[float, Meta(ge=0, le=1e18)] = 0.0
+    declared_right: Share = 0.0
+    learned_right: Share = 0.0
+
+
 class SourceQuality(Struct, frozen=True, kw_only=True, omit_defaults=True):
     """How one source did at this Closed.
 
@@ -312,6 +328,7 @@ class SourceQuality(Struct, frozen=True, kw_only=True, omit_defaults=True):
         nis: mean normalised squared misclosure per degree of freedom, `nis_dof` of them.
         taken, lone: plots that are of a track of the picture, and of none.
         track_nis: as `nis`, of the taken plots and what their tracks had foretold.
+        features: name -> how well it is reported.
         flag: what looks wrong, in words.
     """
 
@@ -327,6 +344,7 @@ class SourceQuality(Struct, frozen=True, kw_only=True, omit_defaults=True):
     lone: Count = 0
     track_nis: Annotated[float, Meta(ge=0, le=1e18)] = 0.0
     track_nis_dof: Count = 0
+    features: dict[Id, FeatureQuality] = {}
     flag: Text = ""
 
 

@@ -12,6 +12,7 @@ from estimation.feature_learning import (
     declared_reports,
     declared_variance,
     taught_reports,
+    taught_scale,
     taught_variance,
     with_learned,
 )
@@ -175,3 +176,16 @@ def test_a_wrong_confusion_is_learned_from_what_others_say() -> None:
         reports = taught_reports(reports, told, reported)
     np.testing.assert_allclose(confusion_of(reports), true, atol=0.06)
     assert reports.sum() == pytest.approx(3 * 8 + 30 * 88, abs=30)
+
+
+@pytest.mark.parametrize("scale", [0.04, 1.0, 9.0])
+def test_the_scale_of_stated_variances_is_found(scale: float) -> None:
+    """Values of unlike sigmas about targets that are not known exactly."""
+    rng = np.random.default_rng(11)
+    learned = declared_variance(1.0)
+    for _ in range(200):
+        stated, known = rng.uniform(1.0, 5.0, 50), rng.uniform(0.1, 2.0, 50) * scale
+        apart = rng.normal(0.0, np.sqrt(scale * stated + known))
+        learned = taught_scale(learned, apart, known, stated, np.ones(50), 1000.0)
+    assert learned.weight <= 1000.0
+    assert learned.squares / learned.weight == pytest.approx(scale, rel=0.15)

@@ -14,7 +14,7 @@ from estimation.tracking.scan import Scan, View
 from estimation.tracking.tracker import Association, Picture, nothing, step
 from tests.estimation.tracking.worlds import SETTINGS
 
-LAYOUT = Layout((100.0,), (3,))
+LAYOUT, WIDTH = Layout(1, (3,)), np.array([100.0])
 CONFUSION = np.array([[0.8, 0.1, 0.1], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]])
 FIRST = np.zeros(1, dtype=np.intp)
 
@@ -26,7 +26,7 @@ def said(values: list[float], words: list[int], sigma: float = 4.0) -> Said:
         if word >= 0:
             likelihood[:, j] = CONFUSION[:, word] / CONFUSION[:, word].mean()
     value = np.array([values])
-    return Said(value, np.full_like(value, sigma**2), likelihood, LAYOUT)
+    return Said(value, np.full_like(value, sigma**2), likelihood, WIDTH, LAYOUT)
 
 
 def known(mean: float, sigma: float, unsaid: float = 0.0) -> Features:
@@ -40,6 +40,15 @@ def heard(before: Features, values: list[float], sigma: float = 4.0) -> Features
     for value in values:
         before = features.after(before, said([value], [-1], sigma), FIRST, FIRST)
     return before
+
+
+def test_how_likely_a_value_is_right() -> None:
+    near = features.right(known(50.0, 3.0, 0.5), said([52.0], [-1]), FIRST, FIRST)
+    density = np.exp(-4 / 2 / 25.6) / np.sqrt(2 * np.pi * 25.6) * WIDTH[0]
+    expected = 0.5 * (1 - WRONG) * density / (WRONG + (1 - WRONG) * (0.5 + 0.5 * density))
+    assert near == pytest.approx(expected)
+    assert features.right(known(50.0, 3.0), said([5.0], [-1]), FIRST, FIRST) < 1e-9
+    assert features.right(known(50.0, 3.0), said([np.nan], [-1]), FIRST, FIRST) == 0.0
 
 
 def test_what_is_missing_says_nothing() -> None:
@@ -81,7 +90,7 @@ def test_a_value_is_taken_in_after_bayes(unsaid: float, value: float) -> None:
     grid = np.linspace(-30.0, 130.0, 400_001)
     prior = (1 - unsaid) * np.exp(-((grid - 30) ** 2) / 2 / spread) / np.sqrt(2 * np.pi * spread)
     noise = np.exp(-((grid - value) ** 2) / 2 / sigma**2) / np.sqrt(2 * np.pi) / sigma
-    seen = (1 - WRONG) * noise * LAYOUT.widths[0]
+    seen = (1 - WRONG) * noise * WIDTH[0]
     weight = prior * (WRONG + seen) + unsaid * (1 - WRONG) * noise
     cell = grid[1] - grid[0]
     told, total = weight.sum() * cell, weight.sum() * cell + unsaid * WRONG
@@ -150,17 +159,17 @@ def test_tracks_of_two_sides_agree_as_far_as_both_know() -> None:
     one, other = one._replace(shares=even), other._replace(shares=even)
     density = np.exp(-36 / 50) / np.sqrt(2 * np.pi * 25) * 100.0
     expected = np.log(WRONG + (1 - WRONG) * (0.2 + 0.8 * density))
-    assert features.agreement(one, other, LAYOUT, FIRST, FIRST) == pytest.approx(expected)
+    assert features.agreement(one, other, WIDTH, LAYOUT, FIRST, FIRST) == pytest.approx(expected)
     nobody = unknown(LAYOUT, 1)
-    assert features.agreement(one, nobody, LAYOUT, FIRST, FIRST) == pytest.approx(0.0)
+    assert features.agreement(one, nobody, WIDTH, LAYOUT, FIRST, FIRST) == pytest.approx(0.0)
 
 
 def test_words_of_two_sides_agree_by_what_they_say_of_the_categories() -> None:
     sure = np.array([[0.98], [0.01], [0.01]])
     one = unknown(LAYOUT, 1)._replace(shares=sure)
     other = unknown(LAYOUT, 1)._replace(shares=sure[::-1])
-    same = features.agreement(one, one, LAYOUT, FIRST, FIRST)
-    differ = features.agreement(one, other, LAYOUT, FIRST, FIRST)
+    same = features.agreement(one, one, WIDTH, LAYOUT, FIRST, FIRST)
+    differ = features.agreement(one, other, WIDTH, LAYOUT, FIRST, FIRST)
     assert same == pytest.approx(np.log(3 * (0.98**2 + 2e-4)), abs=2e-3)
     assert differ == pytest.approx(np.log(3 * (2 * 0.0098 + 1e-4)), abs=2e-2)
 
@@ -177,7 +186,7 @@ def side_by_side(rng: np.random.Generator, count: int, apart_m: float = 60.0) ->
         spread = np.tile(900.0 * np.eye(2), (2, 1, 1))
         value = (LENGTHS_M + rng.normal(0, 4.0, 2))[None]
         word = np.ones((3, 2))
-        told = Said(value, np.full_like(value, 16.0), word, LAYOUT)
+        told = Said(value, np.full_like(value, 16.0), word, WIDTH, LAYOUT)
         scan = Scan(round(k * 1e9), places(plots, spread), View(np.zeros(2)), 0.95, 1e-9)
         scans.append(scan._replace(features=told))
     return scans
