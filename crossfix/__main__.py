@@ -35,6 +35,7 @@ VERBS = (
     "bridge",
     "report",
     "check",
+    "settings",
     "doctor",
 )
 """Verb `x` is the function `x` in `crossfix/commands/x.py`, which imports what is heavy inside."""

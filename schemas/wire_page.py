@@ -6,18 +6,15 @@ with 1 where it is not.
 
 from __future__ import annotations
 
-import argparse
-import re
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-
-import msgspec
-from msgspec import inspect as types
 
 from . import keys
 from .codec import MAX_PAYLOAD_BYTES
-from .json_schema import MESSAGES, Message, fields_of, summary_of
+from .fields import Message
+from .json_schema import MESSAGES
+from .pages import linked, parts, section, table, written_or_checked
 from .qos import CONTROL, DATA, STATUS
 
 PAGE = Path(__file__).parents[1] / "docs" / "wire.md"
@@ -57,36 +54,28 @@ def page() -> str:
     sections = [_INTRODUCTION, *_topics(), *_qos(), *_covariances(), "## Messages\n"]
     told = [*dict.fromkeys(topic.message for topic in keys.TOPICS), *MESSAGES]
     messages = list(dict.fromkeys(told))
-    parts = sorted(_parts(messages) - set(messages), key=lambda part: part.__name__)
-    known = {message.__name__ for message in (*messages, *parts)}
-    sections += [_section(message, known) for message in messages]
+    inner = sorted(parts(messages) - set(messages), key=lambda part: part.__name__)
+    known = {message.__name__ for message in (*messages, *inner)}
+    sections += [section(message, known, _travels(message)) for message in messages]
     sections.append("## Parts of messages\n")
-    sections += [_section(part, known) for part in parts]
+    sections += [section(part, known) for part in inner]
     return "\n".join(sections)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the page, or check that it is current; the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m schemas.wire_page", description=__doc__)
-    parser.add_argument("--check", action="store_true", help="write nothing, say if it is stale")
-    if not parser.parse_args(arguments).check:
-        PAGE.write_text(page(), encoding="utf-8")
-        return 0
-    if PAGE.exists() and PAGE.read_text(encoding="utf-8") == page():
-        return 0
-    sys.stderr.write("docs/wire.md is not current: python -m schemas.wire_page\n")
-    return 1
+    return written_or_checked(PAGE, page(), "python -m schemas.wire_page", arguments)
 
 
 def _topics() -> Iterator[str]:
     """Which message travels where, how often, and what it is to a recording."""
     yield "## Topics\n"
-    yield _table(
+    yield table(
         ("key, after the run", "message", "role", "rate", "QoS", "latched", "recorded"),
         (
             (
                 f"`{topic.template}`",
-                _linked(topic.message.__name__, {topic.message.__name__}),
+                linked(topic.message.__name__, {topic.message.__name__}),
                 topic.role.value,
                 topic.rate,
                 topic.qos.name,
@@ -102,7 +91,7 @@ def _topics() -> Iterator[str]:
 
 def _qos() -> Iterator[str]:
     yield "## Quality of service\n"
-    yield _table(
+    yield table(
         ("profile", "priority", "express"),
         (
             (profile.name, profile.priority, "yes" if profile.express else "")
@@ -117,7 +106,7 @@ def _covariances() -> Iterator[str]:
     yield "## Order of covariances\n"
     yield "Each is the upper triangle of the matrix, row by row, positive definite. Where fewer"
     yield "coordinates are given, the last ones are left out.\n"
-    yield _table(
+    yield table(
         ("covariance", "rows"),
         (
             (f"`{name}`", ", ".join(f"`{row}`" for row in rows))
@@ -126,67 +115,9 @@ def _covariances() -> Iterator[str]:
     )
 
 
-def _section(message: Message, known: set[str]) -> str:
-    """A message with all its fields."""
-    rows = (
-        (
-            f"`{field.name}`",
-            _linked(field.type, known),
-            field.unit,
-            "*required*" if field.default is None else f"`{field.default}`",
-            field.description,
-        )
-        for field in fields_of(message)
-    )
-    table = _table(("field", "holds", "unit", "default", "is"), rows)
+def _travels(message: Message) -> str:
     where = [f"`{topic.template}`" for topic in keys.TOPICS if topic.message is message]
-    travels = f" On {', '.join(where)}." if where else ""
-    return f"### {message.__name__}\n\n{summary_of(message)}{travels}\n\n{table}"
-
-
-def _parts(messages: Iterable[Message]) -> set[Message]:
-    """Everything a message is made of that has fields of its own."""
-    found: set[Message] = set()
-    for message in messages:
-        for field in msgspec.structs.fields(message):
-            parts = set(_structs(types.type_info(field.type))) - found
-            found |= parts | _parts(parts)
-    return found
-
-
-def _structs(kind: types.Type) -> Iterator[Message]:
-    match kind:
-        case types.UnionType(types=members):
-            for member in members:
-                yield from _structs(member)
-        case types.ListType(item_type=item):
-            yield from _structs(item)
-        case types.DictType(value_type=value):
-            yield from _structs(value)
-        case types.StructType(cls=cls):
-            yield cls
-
-
-def _linked(words: str, known: set[str]) -> str:
-    """What a field holds, each part a link to its own section."""
-    named = re.sub(
-        r"\b[A-Z]\w+",
-        lambda word: f"[{word[0]}](#{word[0].lower()})" if word[0] in known else word[0],
-        words,
-    )
-    return re.sub(r"(number|integer) >= (-\S+), <= (\S+)", _between, named)
-
-
-def _between(bounds: re.Match[str]) -> str:
-    kind, low, high = bounds.groups()
-    return f"{kind} within {high}" if low == f"-{high}" else bounds[0]
-
-
-def _table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [headings, ["---"] * len(headings), *rows]
-    return "".join(
-        f"| {' | '.join(c.replace('|', chr(92) + '|') for c in line)} |\n" for line in lines
-    )
+    return f" On {', '.join(where)}." if where else ""
 
 
 if __name__ == "__main__":

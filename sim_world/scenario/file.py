@@ -30,6 +30,8 @@ class Time(Table, frozen=True, kw_only=True):
 
     Attributes:
         epoch: scenario time of step 0.
+        step_s: between two steps.
+        duration_s: of the whole run.
         max_clock_error_s: messages stamped later than the closing time by more are refused.
     """
 
@@ -40,7 +42,12 @@ class Time(Table, frozen=True, kw_only=True):
 
 
 class OriginPoint(Table, frozen=True, kw_only=True):
-    """Where the axes of the run touch the WGS84 ellipsoid."""
+    """Where the axes of the run touch the WGS84 ellipsoid.
+
+    Attributes:
+        latitude_deg, longitude_deg: geodetic.
+        altitude_m: above the ellipsoid.
+    """
 
     latitude_deg: Annotated[float, Meta(ge=-89, le=89)]
     longitude_deg: Annotated[float, Meta(ge=-180, le=180)]
@@ -153,9 +160,23 @@ class Tracking(Table, frozen=True, kw_only=True):
 
 
 class Sensor(Table, frozen=True, kw_only=True):
-    """One source of a carrier; see `schemas.messages.SourceProperties` for the common keys.
+    """One source of a carrier, simulated as it declares itself.
 
     Attributes:
+        name: of the source; kind: what it is, such as radar, passive, ais.
+        coordinates: bearing and range, or the bearing alone.
+        period_s: between two reports.
+        sigma_bearing_deg, sigma_range_m, sigma_elevation_deg: of a plot; without the last it
+            measures no elevation.
+        detection_probability: of a target within limits, at one report.
+        clutter_per_scan: expected false plots in a report.
+        range_min_m, range_max_m: where it sees.
+        resolution_bearing_deg, resolution_range_m: targets nearer to each other than both merge.
+        identity_kind: what kind of name it reads, such as name or mmsi.
+        classes: it tells classes; features: it measures features.
+        sigma_range_bias_m, sigma_range_scale, sigma_azimuth_bias_deg, sigma_clock_s: of its
+            systematic errors; 0 = it has none.
+        errors: the actual ones.
         phase_s: time of the first report; without it one period after the start.
         sector_deg: first bearing and width, clockwise from the carrier's own north.
         rotating: logs carry the offset at which the turning antenna passed them.
@@ -270,7 +291,18 @@ class Tracks(TrackFile, frozen=True, kw_only=True):
 
 
 class ScenarioFile(Table, frozen=True, kw_only=True):
-    """A whole scenario; `fusion` is passed on unread, the fusion centre validates it."""
+    """A whole scenario; `fusion` is passed on unread, the fusion centre validates it.
+
+    Attributes:
+        name: of the scenario, and of its runs unless they are given another.
+        title: for people.
+        seed: of every random draw; the same seed gives the same run, to the bit.
+        fusion: settings of the fusion, see below.
+        carriers: who observes; the first is the own carrier, unless `fusion.own` names another.
+        beacons: known places to range to.
+        classes: kinds of target with their features.
+        targets: one by one; target_groups: many, drawn at random; tracks: from recorded files.
+    """
 
     name: Id
     title: Text = ""

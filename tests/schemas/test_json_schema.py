@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from schemas import codec, json_schema, keys
 from schemas import messages as m
 from schemas.errors import WireError
+from schemas.fields import fields_of
 
 STRUCTS: list[type[msgspec.Struct]] = [
     t for t in map(m.__dict__.get, m.__all__) if isinstance(t, type)
@@ -122,7 +123,7 @@ def test_schema_and_codec_both_refuse_a_missing_field(
 
 
 def test_fields_say_what_the_docstrings_say() -> None:
-    fields = {f.name: f for f in json_schema.fields_of(m.SourceReport)}
+    fields = {f.name: f for f in fields_of(m.SourceReport)}
     assert list(fields) == list(m.SourceReport.__struct_fields__)
     assert fields["boot"].description.startswith("one life of the sender")  # of the envelope
     assert fields["north_m"].description == fields["east_m"].description != ""
@@ -130,7 +131,7 @@ def test_fields_say_what_the_docstrings_say() -> None:
     assert fields["range_m"][1:4] == ("list of (number >= 0, <= 1e+09 or nil) or nil", "m", "null")
     assert fields["range_rate_mps"].unit == "m/s"
     assert fields["seq"].default is None
-    ends = {f.name: f.description for f in json_schema.fields_of(m.Ranging)}
+    ends = {f.name: f.description for f in fields_of(m.Ranging)}
     assert ends["t_tx_ns"] == "by the sender's clock"
     assert ends["t_rx_ns"] == "by the receiver's."
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from schemas import keys, wire_page
-from schemas.json_schema import MESSAGES, fields_of
+from schemas.fields import fields_of
+from schemas.json_schema import MESSAGES
 
 
 def test_it_is_current() -> None:
