@@ -113,13 +113,15 @@ def _classes(sensor: Sensor, logs: Logs) -> dict[str, Any]:
 
 
 def _features(sensor: Sensor, logs: Logs) -> dict[str, FeatureColumn]:
-    return {
+    numbers = {
         f.name: FeatureColumn(
             values=[None if np.isnan(value) else value for value in logs.features[f.name].tolist()],
             sigmas=[f.sigma] * len(logs.bearing_rad),
         )
         for f in sensor.table.features
     }
+    words = {w.name: FeatureColumn(values=logs.words[w.name].tolist()) for w in sensor.table.words}
+    return {**numbers, **words}
 
 
 def _list(column: np.ndarray | None) -> list[Any] | None:

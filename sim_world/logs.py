@@ -14,7 +14,7 @@ class Logs(NamedTuple):
 
     Attributes:
         classes: reported class and how likely it is the right one.
-        features: name -> values, NaN where a log has none.
+        features: name -> values, NaN where a log has none; words: the same, None.
     """
 
     bearing_rad: Array
@@ -24,6 +24,7 @@ class Logs(NamedTuple):
     identity: np.ndarray | None
     classes: np.ndarray | None
     features: dict[str, Array]
+    words: dict[str, np.ndarray]
 
     def take(self, rows: np.ndarray) -> Logs:
         """The same of some rows."""
@@ -35,6 +36,7 @@ class Logs(NamedTuple):
             identity=_taken(self.identity, rows),
             classes=_taken(self.classes, rows),
             features={name: values[rows] for name, values in self.features.items()},
+            words={name: values[rows] for name, values in self.words.items()},
         )
 
     def join(self, other: Logs) -> Logs:
@@ -49,6 +51,10 @@ class Logs(NamedTuple):
             features={
                 name: np.concatenate([values, other.features[name]])
                 for name, values in self.features.items()
+            },
+            words={
+                name: np.concatenate([values, other.words[name]])
+                for name, values in self.words.items()
             },
         )
 

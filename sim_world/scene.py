@@ -21,7 +21,7 @@ class Targets(NamedTuple):
 
     Attributes:
         number: keys of their draws, below 2^32.
-        features: name -> values.
+        features: name -> values; words: name -> words, empty = none.
     """
 
     number: np.ndarray
@@ -29,12 +29,15 @@ class Targets(NamedTuple):
     classes: np.ndarray
     identity: np.ndarray
     features: dict[str, Array]
+    words: dict[str, np.ndarray]
 
     def take(self, rows: np.ndarray) -> Targets:
         """The same of some rows."""
         features = {name: values[rows] for name, values in self.features.items()}
         motion = self.motion.take(rows)
-        return Targets(self.number[rows], motion, self.classes[rows], self.identity[rows], features)
+        words = {name: values[rows] for name, values in self.words.items()}
+        named = self.classes[rows], self.identity[rows]
+        return Targets(self.number[rows], motion, *named, features, words)
 
 
 class Stand(NamedTuple):
@@ -74,6 +77,7 @@ def targets_of(truth: TruthTargets) -> Targets:
         classes=np.array(truth.classes or blank, dtype=object),
         identity=np.array(truth.identity or blank, dtype=object),
         features={name: np.array(values) for name, values in truth.features.items()},
+        words={name: np.array(values, dtype=object) for name, values in truth.words.items()},
     )
 
 

@@ -11,10 +11,11 @@ from estimation.arrays import Array
 from estimation.frames import wrap_pi
 from schemas.messages import FeatureInfo
 
+from .features import any_word, numbers, of_nobody, purposes, words
 from .logs import Logs
 from .noise import TargetDraws, generator, normal
 from .scenario.declared import CLASS_FEATURE, plot_properties, properties
-from .scenario.file import FeatureReports, ScenarioFile
+from .scenario.file import ScenarioFile
 from .scenario.file import Sensor as SensorTable
 from .scene import TURN_RAD, Polar, Stand, Targets, polar
 from .schedule import Look, looks
@@ -37,7 +38,7 @@ class _Draws(NamedTuple):
     elevation: Array
     class_told: Array
     identity: Array
-    features: tuple[Array, ...]
+    told: dict[str, Array]
 
     def take(self, rows: np.ndarray) -> _Draws:
         """The draws of some of the targets."""
@@ -47,7 +48,7 @@ class _Draws(NamedTuple):
             self.elevation[rows],
             self.class_told[rows],
             self.identity[rows],
-            tuple(draw[rows] for draw in self.features),
+            {purpose: draw[rows] for purpose, draw in self.told.items()},
         )
 
 
@@ -88,13 +89,14 @@ class Sensor:
 
     def _draw(self, look: Look, number: np.ndarray) -> _Draws:
         """All draws of one look; which identities it reads is settled once for all looks."""
-        n, features = look.number, [f"feature {f.name}" for f in self.table.features]
-        purposes = ["detection", "polar", "elevation", "class", *features]
-        addresses = [(n, purpose) for purpose in purposes]
+        features = purposes(self.table)
+        fixed = ["detection", "polar", "elevation", "class"]
+        addresses = [(look.number, purpose) for purpose in [*fixed, *features]]
         detection, of_polar, elevation, told, *of_features, identity = self._draws.at(
             number, [*addresses, (0, "identity")]
         )
-        return _Draws(detection, of_polar, elevation, told, identity, tuple(of_features))
+        by_purpose = dict(zip(features, of_features, strict=True))
+        return _Draws(detection, of_polar, elevation, told, identity, by_purpose)
 
     def _swept_s(self, bearing_rad: Array) -> Array:
         """When the antenna, at own north at the time of the report, passed a bearing before."""
@@ -135,10 +137,8 @@ class Sensor:
             offset_s,
             identity=self._identities(targets, draws),
             classes=self._classes(targets, draws),
-            features={
-                f.name: targets.features[f.name] + f.sigma * normal(draw)[:, 0]
-                for f, draw in zip(table.features, draws.features, strict=True)
-            },
+            features=numbers(table, targets, draws.told),
+            words=words(table, targets, draws.told),
         )
 
     def _logs(
@@ -149,6 +149,7 @@ class Sensor:
         identity: np.ndarray,
         classes: np.ndarray,
         features: dict[str, Array],
+        words: dict[str, np.ndarray],
     ) -> Logs:
         """The columns that this sensor has."""
         table = self.table
@@ -160,6 +161,7 @@ class Sensor:
             identity=identity if table.identity_share else None,
             classes=classes if table.classes else None,
             features=features,
+            words=words,
         )
 
     def _identities(self, targets: Targets, draws: _Draws) -> np.ndarray:
@@ -194,7 +196,8 @@ class Sensor:
             self._swept_s(bearing),
             identity=np.full(count, None),
             classes=np.array(names, dtype=object)[rng.integers(len(names), size=count)],
-            features={f.name: _population(f, rng, count) for f in table.features},
+            features={f.name: of_nobody(f, rng, count) for f in table.features},
+            words={w.name: any_word(w, rng, count) for w in table.words},
         )
 
 
@@ -220,11 +223,6 @@ def systematic_errors(file: ScenarioFile, carrier: str, table: SensorTable) -> S
         for sigma, draw, value in zip(sigmas, draws, given, strict=True)
     )
     return SystematicErrors(bias, scale, radians(azimuth), clock)
-
-
-def _population(feature: FeatureReports, rng: np.random.Generator, count: int) -> Array:
-    """What false alarms show of a feature; nothing where its population is not declared."""
-    return rng.uniform(*feature.population, count) if feature.population else np.full(count, np.nan)
 
 
 def _where(known: np.ndarray, names: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from schemas.errors import ScenarioError
 from .motion import Path, path_of
 from .noise import generator, stable_hash
 from .scenario import Scenario
-from .scenario.checks import feature_names
+from .scenario.checks import feature_names, word_names
 from .scenario.file import ScenarioFile, Target, TargetGroup, Tracks
 from .scenario.motions import ConstantVelocity, CoordinatedTurn, Track, TrackFile
 from .tracks_csv import Recording, Report, read_reports, recordings
@@ -27,7 +27,7 @@ class TargetPlan(NamedTuple):
 
     Attributes:
         number: stable name of its random draws; the same whatever other targets there are.
-        features: in the order of `feature_names`.
+        features: in the order of `feature_names`; words: of `word_names`, empty = none.
     """
 
     name: str
@@ -35,6 +35,7 @@ class TargetPlan(NamedTuple):
     class_name: str
     identity: str
     features: tuple[float, ...]
+    words: tuple[str, ...]
     motion: Path | Recorded
     start_s: float = 0.0
     end_s: float = inf
@@ -74,6 +75,7 @@ def _plan(file: ScenarioFile, target: Target, motion: Path | Recorded) -> Target
         class_name=target.class_name,
         identity=target.identity,
         features=_features(file, target),
+        words=_words(file, target),
         motion=motion,
         start_s=target.start_s,
         end_s=target.end_s,
@@ -92,6 +94,18 @@ def _features(file: ScenarioFile, target: Target) -> tuple[float, ...]:
             draw = generator(file.seed, "target", target.name, name).standard_normal()
             values.append(mean + sigma * float(draw))
     return tuple(values)
+
+
+def _words(file: ScenarioFile, target: Target) -> tuple[str, ...]:
+    """What the target says itself, else a draw from its class; empty of a class without."""
+    weights = {c.name: c.words for c in file.classes}.get(target.class_name, {})
+    words = []
+    for name in word_names(file):
+        word = target.words.get(name, "")
+        if not word and weights.get(name):
+            word = _choice(weights[name], generator(file.seed, "target", target.name, name))
+        words.append(word)
+    return tuple(words)
 
 
 def _singles(file: ScenarioFile, files: _Files) -> Iterator[TargetPlan]:

@@ -9,7 +9,7 @@ from schemas.messages import TruthCarriers, TruthTargets
 from .motion import Kinematics, Path, Paths
 from .navigation import sail
 from .scenario import Scenario
-from .scenario.checks import feature_names
+from .scenario.checks import feature_names, word_names
 from .scenario.declared import origin_of
 from .targets import plan_targets
 from .tracks_csv import Recordings
@@ -32,7 +32,7 @@ class World:
         self.plans = plan_targets(scenario, origin)
         self._starts = np.array([p.start_s for p in self.plans])
         self._ends = np.array([p.end_s for p in self.plans])
-        self._names = feature_names(scenario.file)
+        self._names, self._words = feature_names(scenario.file), word_names(scenario.file)
         features = np.array([p.features for p in self.plans], dtype=float)
         self._features = features.reshape(len(self.plans), len(self._names))
         self._paths = Paths(origin, [p.motion for p in self.plans if isinstance(p.motion, Path)])
@@ -73,6 +73,7 @@ class World:
             classes=[p.class_name for p in there],
             identity=[p.identity for p in there],
             features={n: self._features[rows, i].tolist() for i, n in enumerate(self._names)},
+            words={n: [p.words[i] for p in there] for i, n in enumerate(self._words)},
         )
 
     def _carriers(self, step: int) -> TruthCarriers:

@@ -26,7 +26,7 @@ class TruthTargets(Struct, frozen=True, kw_only=True, omit_defaults=True):
         number: stable number of a target, the key of its random draws; no index.
         position_m, velocity_mps, acceleration_mps2: (east, north, up) each.
         identity: name every carrier can see, or empty.
-        features: name -> value of each target.
+        features: name -> value of each target; words: name -> word of each, or empty.
     """
 
     boot: Id
@@ -40,6 +40,7 @@ class TruthTargets(Struct, frozen=True, kw_only=True, omit_defaults=True):
     classes: list[Text] = []
     identity: list[Text] = []
     features: dict[Id, list[Real]] = {}
+    words: dict[Id, list[Text]] = {}
 
 
 class TruthCarriers(Struct, frozen=True, kw_only=True, omit_defaults=True):

@@ -170,6 +170,7 @@ def _descriptions(file: ScenarioFile, sensor: Sensor, path: Path) -> Iterator[Pr
     """Features and classes a sensor tells must be ones that targets have."""
     known = feature_names(file)
     yield from _unique((*path, "features"), [f.name for f in sensor.features])
+    yield from _words(file, sensor, path)
     for n, feature in enumerate(sensor.features):
         key = (*path, "features", n, "name")
         yield from _reserved(feature.name, (CLASS_FEATURE,), key[:-1])
@@ -194,6 +195,22 @@ def _targets(file: ScenarioFile) -> Iterator[Problem]:
             yield Problem((*path, "features", name), "unknown", name, "a feature of a class")
 
 
+def _words(file: ScenarioFile, sensor: Sensor, path: Path) -> Iterator[Problem]:
+    """Words a sensor tells must be ones that targets have, each under a name of its own."""
+    known, numbers = word_names(file), [f.name for f in sensor.features]
+    for n, word in enumerate(sensor.words):
+        key = (*path, "words", n, "name")
+        yield from _reserved(word.name, (CLASS_FEATURE,), key[:-1])
+        if word.name not in known:
+            yield Problem(key, "no target has it", word.name, nearest(word.name, known or [""]))
+        if word.name in [*numbers, *(w.name for w in sensor.words[:n])]:
+            yield Problem(key, "given twice", word.name, "a name of its own")
+        said = {w for t in file.targets for w in [t.words.get(word.name)] if w}
+        said |= {w for c in file.classes for w in c.words.get(word.name, ())}
+        for name in sorted(said - set(word.categories)):
+            yield Problem((*path, "words", n, "categories"), "one is missing", name, "all words")
+
+
 def _class(
     file: ScenarioFile, name: str, path: Path, given: Iterable[str] = ()
 ) -> Iterator[Problem]:
@@ -215,6 +232,12 @@ def feature_names(file: ScenarioFile) -> list[str]:
     """The features of targets; every target has all of them."""
     of_classes = [name for c in file.classes for name in c.features]
     return sorted({*of_classes, *(name for t in file.targets for name in t.features)})
+
+
+def word_names(file: ScenarioFile) -> list[str]:
+    """The words of targets; one that has none is not told."""
+    of_classes = [name for c in file.classes for name in c.words]
+    return sorted({*of_classes, *(name for t in file.targets for name in t.words)})
 
 
 def _group(file: ScenarioFile, group: TargetGroup, path: Path) -> Iterator[Problem]:

@@ -171,6 +171,14 @@ def _features(file: ScenarioFile, sensor: Sensor) -> dict[str, FeatureInfo]:
         )
         for f in sensor.features
     }
+    features |= {
+        w.name: FeatureInfo(
+            kind=w.kind,
+            categories=w.categories,
+            confusion=confusion(len(w.categories), w.accuracy),
+        )
+        for w in sensor.words
+    }
     if sensor.classes:
         names = [c.name for c in file.classes]
         features[CLASS_FEATURE] = FeatureInfo(
@@ -182,7 +190,7 @@ def _features(file: ScenarioFile, sensor: Sensor) -> dict[str, FeatureInfo]:
 
 
 def confusion(count: int, accuracy: float) -> list[list[float]]:
-    """Row i: probabilities of reporting each of `count` classes when i is true."""
+    """Row i: probabilities of reporting each of `count` names when i is true."""
     if count == 1:
         return [[1.0]]
     other = (1 - accuracy) / (count - 1)

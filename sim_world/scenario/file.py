@@ -17,6 +17,7 @@ from msgspec import Meta, field
 
 from schemas.messages.values import Id, Metres, Real, Share, Text
 
+from .features import FeatureReports, WordReports
 from .motions import AnyMotion, Instant, PathMotion, TrackFile
 from .ranging import Beacon, Ranging
 from .table import Degrees, Interval, NonNegative, Positive, Table
@@ -127,20 +128,6 @@ class SensorErrors(Table, frozen=True, kw_only=True):
     clock_s: Annotated[float, Meta(ge=-1e6, le=1e6)] | None = None
 
 
-class FeatureReports(Table, frozen=True, kw_only=True):
-    """A feature of targets that a sensor measures.
-
-    Attributes:
-        population: least and greatest value; false alarms are drawn from it.
-    """
-
-    name: Id
-    kind: Literal["parametric", "behavioural"] = "parametric"
-    unit: Text = ""
-    sigma: Annotated[float, Meta(gt=0, le=1e12)]
-    population: Interval | None = None
-
-
 class ClassReports(Table, frozen=True, kw_only=True):
     """A sensor that tells classes: the right one with `accuracy`, else any other."""
 
@@ -205,6 +192,7 @@ class Sensor(Table, frozen=True, kw_only=True):
     tracking: Tracking | None = None
     classes: ClassReports | None = None
     features: list[FeatureReports] = []
+    words: list[WordReports] = []
     sigma_range_bias_m: NonNegative = 0.0
     sigma_range_scale: Annotated[float, Meta(ge=0, lt=1)] = 0.0
     sigma_azimuth_bias_deg: Annotated[float, Meta(ge=0, le=180)] = 0.0
@@ -225,10 +213,16 @@ class Carrier(Table, frozen=True, kw_only=True):
 
 
 class TargetClass(Table, frozen=True, kw_only=True):
-    """A class of targets; features: name -> mean and sigma over the class."""
+    """A class of targets.
+
+    Attributes:
+        features: name -> mean and sigma over the class.
+        words: name -> weight of each word.
+    """
 
     name: Id
     features: dict[Id, Interval] = {}
+    words: dict[Id, dict[Text, NonNegative]] = {}
 
 
 class Target(Table, frozen=True, kw_only=True):
@@ -238,7 +232,7 @@ class Target(Table, frozen=True, kw_only=True):
         class_name: key `class`; one of [[classes]].
         identity: a name that sensors may read, such as an MMSI; empty = none.
         start_s, end_s: when it is there.
-        features: actual values, instead of draws from its class.
+        features, words: actual values, instead of draws from its class.
     """
 
     name: Id
@@ -247,6 +241,7 @@ class Target(Table, frozen=True, kw_only=True):
     start_s: NonNegative = 0.0
     end_s: Positive = inf
     features: dict[Id, Real] = {}
+    words: dict[Id, Text] = {}
     motion: AnyMotion
 
 

@@ -42,7 +42,9 @@ def carrier(name: str = "own", *sensors: Tree, **tables: Tree) -> Tree:
 
 def target(name: str, **keys: Any) -> Tree:
     """A target that goes straight, its name its identity; keys of its motion may be given."""
-    outer = {k: keys.pop(k) for k in ("class", "start_s", "end_s", "features") if k in keys}
+    outer = {
+        k: keys.pop(k) for k in ("class", "start_s", "end_s", "features", "words") if k in keys
+    }
     motion = {
         "kind": "constant_velocity",
         "east_m": 9_000.0,
