@@ -12,7 +12,9 @@ from estimation.arrays import Array
 from estimation.frames import Site, geodetic_from_enu, on_surface, site_at
 from schemas import keys
 from schemas.errors import ScenarioError
+from schemas.feedback import corrected
 from schemas.messages import (
+    Correction,
     Navigation,
     Pose,
     Ranging,
@@ -33,6 +35,7 @@ from sim_world.schedule import Look
 from sim_world.sensors import Sensor
 from sim_world.tracking_radar import Observation, RadarTracker
 
+from .feedback import applied
 from .reports import plot_columns, track_columns
 
 LIGHT_MPS = 299_792_458.0
@@ -50,12 +53,14 @@ class Outgoing(NamedTuple):
 class Stamp:
     """One life of a carrier: its boot, how far its streams have come, where its way began, tracks.
 
-    It is all that is remembered from step to step; a new one is a new boot.
+    It is all that is remembered from step to step, and since when the carrier errs as it does; a
+    new one is a new boot.
     """
 
     def __init__(self, boot: str) -> None:
         self.boot = boot
         self._first_step: int | None = None
+        self._since_ns = 0
         self._last_seq: dict[str, int] = {}
         self._trackers: dict[str, RadarTracker] = {}
 
@@ -67,6 +72,12 @@ class Stamp:
     def first_step(self) -> int:
         """Where reckoning began; 0 before the first step."""
         return self._first_step or 0
+
+    def errs_since_ns(self, navigation: Navigation) -> int:
+        """Since when its error is the one of now: it is another after a fix, and in a new life."""
+        if navigation.kind == "fix" or not self._since_ns:
+            self._since_ns = navigation.t_ns
+        return self._since_ns
 
     def next_seq(self, stream: str) -> int:
         """The seq of the next message of a stream, from 1."""
@@ -120,10 +131,22 @@ class Carrier:
         self._sensors = [Sensor(file, name, sensor) for sensor in part.sensors]
         self._ranging = [RangingDevice(file, name, table) for table in part.ranging]
 
+    @property
+    def uses_corrections(self) -> bool:
+        """Whether the scenario tells it to."""
+        return self._part.use_corrections
+
     def step(
-        self, targets: TruthTargets, carriers: TruthCarriers, stamp: Stamp
+        self,
+        targets: TruthTargets,
+        carriers: TruthCarriers,
+        stamp: Stamp,
+        correction: Correction | None = None,
     ) -> Iterator[Outgoing]:
         """Everything the carrier says at one step: sources once, navigation, ranges, reports due.
+
+        Args:
+            correction: to apply if it may be; all is said in the frame so corrected.
 
         Raises:
             ValueError: targets and carriers are of different steps, or this one is not in them.
@@ -134,7 +157,9 @@ class Carrier:
         now = _Now(targets.step, targets.t_ns, stand, stamp)
         if stamp.begins(now.step):
             yield from self._sources(now)
-        yield Outgoing(keys.NAVIGATION, (self.name,), self._navigation(now))
+        navigation = self._navigation(now)
+        held = applied(correction, navigation, stamp.errs_since_ns(navigation))
+        yield Outgoing(keys.NAVIGATION, (self.name,), corrected(navigation, held))
         for device in self._ranging:
             for look in device.due(now.step):
                 for measured in device.measure(look, now.step, carriers):
@@ -144,7 +169,7 @@ class Carrier:
         for sensor in self._sensors:
             for look in sensor.due(now.step):
                 report = self._report(sensor, look, sensor.observe(look, stand, scene), now)
-                yield Outgoing(keys.REPORT, (self.name, sensor.name), report)
+                yield Outgoing(keys.REPORT, (self.name, sensor.name), corrected(report, held))
 
     def _sources(self, now: _Now) -> Iterator[Outgoing]:
         for sensor in self._sensors:

@@ -10,16 +10,18 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from schemas import codec, keys
+from schemas import keys
 from schemas.bus.interface import Inbox, Liveness, Sample
 from schemas.bus.ledger import StreamKey
 from schemas.bus.member import Member
 from schemas.bus.recovery import Gap, Recovery
 from schemas.bus.roster import Roster
 from schemas.errors import WireError
-from schemas.messages import Step, TruthCarriers, TruthTargets
+from schemas.messages import Correction, Step, TruthCarriers, TruthTargets
+from schemas.received import receive
 
 from .carrier import Carrier, Stamp
+from .feedback import Corrections
 
 log = logging.getLogger("carrier")
 
@@ -50,6 +52,7 @@ class CarrierNode:
         self._granted: deque[Step] = deque()
         self._targets: dict[int, TruthTargets] = {}
         self._carriers: dict[int, TruthCarriers] = {}
+        self._corrections = Corrections(member.process)
         self._done: int | None = None
         self._ready_s = float("-inf")
         self._missed_s = float("inf")
@@ -67,7 +70,7 @@ class CarrierNode:
         while not self._stop:
             for sample in self._samples.take(PUMP_S):
                 self._note(sample)
-            while self._granted and self._has_truth(self._granted[0]):
+            while self._granted and not self._missing():
                 self._observe(self._granted.popleft())
             now_s = time.monotonic()
             self._recovery.pursue(self._missing(), now_s)
@@ -84,6 +87,9 @@ class CarrierNode:
         control.subscribe(keys.STEP.key(run), self._samples)
         for topic in (keys.TRUTH_TARGETS, keys.TRUTH_CARRIERS):
             data.subscribe(topic.key(run), self._samples)
+        if self._carrier.uses_corrections:
+            key = keys.CORRECTION.key(run, keys.FUSION, self._member.process)
+            data.subscribe(key, self._samples)
         self._member.announce()
 
     def _observe(self, step: Step) -> None:
@@ -91,11 +97,17 @@ class CarrierNode:
         if self._delay_s:
             time.sleep(random.uniform(0, self._delay_s))  # noqa: S311 (no secret: a test's delay)
         targets, carriers = self._targets.pop(step.step), self._carriers.pop(step.step)
-        for topic, ids, message in self._carrier.step(targets, carriers, self._stamp):
+        correction = self._correction(step)
+        for topic, ids, message in self._carrier.step(targets, carriers, self._stamp, correction):
             stepped = message if step.mode == "lockstep" else replace(message, step=0)
             self._member.outbox.send(topic, ids, stepped)
         self._done = step.step
         self._answer()
+
+    def _correction(self, step: Step) -> Correction | None:
+        """The correction to apply in a step; `_missing` has seen to it that it is here."""
+        lockstep = step.mode == "lockstep"
+        return self._corrections.of(step.step) if lockstep else self._corrections.newest()
 
     def _answer(self) -> None:
         manifest = self._stamp.manifest(self._member.process)
@@ -109,8 +121,7 @@ class CarrierNode:
 
     def _note(self, sample: Sample) -> None:
         try:
-            topic = keys.parse(sample.key).topic
-            message = codec.decode(topic.message, sample.payload, sample.encoding)
+            message = receive(sample).message
         except WireError as error:
             log.warning("refused a message: %s", error)
             return
@@ -120,6 +131,8 @@ class CarrierNode:
             self._targets[message.step] = message
         elif isinstance(message, TruthCarriers) and self._is_near(message.step):
             self._carriers[message.step] = message
+        elif isinstance(message, Correction) and self._is_near(message.step):
+            self._corrections.note(message)
 
     def _is_near(self, step: int) -> bool:
         """Whether the truth of a step is needed soon: what is refused can be fetched later."""
@@ -148,14 +161,12 @@ class CarrierNode:
         self._granted.clear()
         self._targets.clear()
         self._carriers.clear()
+        self._corrections.clear()
         self._done, self._ready_s = None, float("-inf")
         self._member.announce()
 
-    def _has_truth(self, step: Step) -> bool:
-        return step.step in self._targets and step.step in self._carriers
-
     def _missing(self) -> list[Gap]:
-        """What the next granted step still needs of the truth; older truth is forgotten."""
+        """What the next granted step still waits for; what is older is forgotten."""
         if not self._granted:
             return []
         step = self._granted[0]
@@ -170,6 +181,8 @@ class CarrierNode:
             if step.step not in truth:
                 key = StreamKey(keys.WORLD, step.boot, topic.template)
                 gaps.append((key, step.step, step.step))
+        if self._carrier.uses_corrections and step.mode == "lockstep":
+            gaps += self._corrections.missing(step.step, self._stamp.first_step() or step.step)
         return gaps
 
     def _world_is_gone(self, now_s: float) -> bool:

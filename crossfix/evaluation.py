@@ -17,9 +17,11 @@ from estimation.frames import (
     wrap_pi,
     yaw_rad,
 )
+from fusion_center.navigation import pose_at
 from schemas.messages import (
     Correction,
     DeclaredScenario,
+    Navigation,
     OwnAxes,
     Pose,
     TruthCarriers,
@@ -53,7 +55,12 @@ class FrameError(NamedTuple):
 
 
 class FrameSummary(NamedTuple):
-    """Root mean squares over the second half of a run, when it has converged."""
+    """Root mean squares over the second half of a run, when it has converged.
+
+    Attributes:
+        said_m: of the place in own axes that the carrier reports of itself while it applies its
+            corrections; nan where it applies none.
+    """
 
     carrier: str
     state: str
@@ -69,6 +76,7 @@ class FrameSummary(NamedTuple):
     sigma_rad: float
     nees: float
     pairs: float
+    said_m: float = float("nan")
 
 
 class TrueFrame(NamedTuple):
@@ -100,6 +108,38 @@ def frame_errors(
     return dict(errors)
 
 
+def said_errors(
+    scenario: DeclaredScenario, own: str, messages: Iterable[TruthCarriers | Navigation]
+) -> dict[str, list[float]]:
+    """How far off each carrier is, in own axes, by what it says while it applies corrections [m].
+
+    Args:
+        messages: of truth and of navigation, each in order of time.
+    """
+    truths: list[TruthCarriers] = []
+    poses: list[Navigation] = []
+    said: list[Navigation] = []
+    for message in messages:
+        if isinstance(message, TruthCarriers):
+            truths.append(message)
+        elif message.carrier == own:
+            poses.append(message)
+        elif message.correction_id:
+            said.append(message)
+    origin = Site(*(getattr(scenario.origin, name) for name in scenario.origin.__struct_fields__))
+    errors: dict[str, list[float]] = defaultdict(list)
+    for message in said:
+        after = bisect_right(truths, message.t_ns, key=_time)
+        own_after = bisect_right(poses, message.t_ns, key=_said_ns)
+        if after and own_after and message.carrier in truths[after - 1].carrier:
+            pair = pose_at(poses[max(0, own_after - 2) : own_after], message.t_ns), message.pose
+            truth = truths[after - 1]
+            true = true_frame(origin, truth, own, message.carrier, pair, message.t_ns)
+            seen = target_from_source(_site(pair[0]), _site(pair[1])).translation_m[:2]
+            errors[message.carrier].append(float(np.hypot(*(seen - true.place_m))))
+    return dict(errors)
+
+
 def true_frame(
     origin: Site,
     truth: TruthCarriers,
@@ -127,8 +167,14 @@ def true_frame(
     return TrueFrame(rotation_clockwise(-c1) @ fixed, fixed, float(wrap_pi(rotation)))
 
 
-def summarise(carrier: str, errors: Sequence[FrameError], last: Correction) -> FrameSummary:
-    """Root mean squares over the second half of the errors; nan where there are none."""
+def summarise(
+    carrier: str, errors: Sequence[FrameError], last: Correction, said_m: Sequence[float] = ()
+) -> FrameSummary:
+    """Root mean squares over the second half of the errors; nan where there are none.
+
+    Args:
+        said_m: of the carrier, see `said_errors`.
+    """
     late = errors[len(errors) // 2 :]
     return FrameSummary(
         carrier=carrier,
@@ -145,6 +191,7 @@ def summarise(carrier: str, errors: Sequence[FrameError], last: Correction) -> F
         sigma_rad=_rms([(e.sigma_rad,) for e in late]),
         nees=float(np.mean([e.nees for e in late])) if late else float("nan"),
         pairs=float(np.mean([e.pairs for e in late])) if late else float("nan"),
+        said_m=_rms([(error,) for error in said_m[len(said_m) // 2 :]]),
     )
 
 
@@ -200,6 +247,10 @@ def _place_m(truth: TruthCarriers, index: int, t_ns: int) -> np.ndarray:
 
 def _time(truth: TruthCarriers) -> int:
     return truth.t_ns
+
+
+def _said_ns(message: Navigation) -> int:
+    return message.t_ns
 
 
 def _pair(vector: np.ndarray) -> tuple[float, float]:

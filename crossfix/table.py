@@ -13,10 +13,10 @@ from rich.console import Console
 from rich.table import Table
 
 from schemas import keys
-from schemas.messages import Correction, DeclaredScenario, TruthCarriers
+from schemas.messages import Correction, DeclaredScenario, Navigation, TruthCarriers
 from schemas.recording.reader import open_recording
 
-from .evaluation import FrameSummary, frame_errors, summarise
+from .evaluation import FrameSummary, frame_errors, said_errors, summarise
 from .tracking_errors import CUTOFF_M, Known, PictureSummary, picture_errors, summarise_picture
 
 NOTE = (
@@ -61,15 +61,24 @@ def frame_summaries(path: Path) -> list[FrameSummary]:
     """Errors of every carrier's frame; empty where the recording holds no truth."""
     with open_recording(path) as recording:
         scenario = recording.scenario
-        messages = [
-            message.decode()
-            for message in recording.messages(topics=(keys.TRUTH_CARRIERS, keys.CORRECTION))
-        ]
+        messages = [message.decode() for message in recording.messages(topics=_FRAMES)]
     corrections = [m for m in messages if isinstance(m, Correction)]
     wanted = [m for m in messages if isinstance(m, TruthCarriers | Correction)]
     errors = frame_errors(scenario, own_carrier(scenario), wanted)
     last = {correction.carrier: correction for correction in corrections}
-    return [summarise(name, errors.get(name, []), last[name]) for name in sorted(last)]
+    told = [m for m in messages if isinstance(m, TruthCarriers | Navigation)]
+    said = said_errors(scenario, own_carrier(scenario), sorted(told, key=_time))
+    return [
+        summarise(name, errors.get(name, []), last[name], said.get(name, ()))
+        for name in sorted(last)
+    ]
+
+
+_FRAMES = (keys.TRUTH_CARRIERS, keys.CORRECTION, keys.NAVIGATION)
+
+
+def _time(message: TruthCarriers | Navigation) -> int:
+    return message.t_ns
 
 
 def picture_summary(path: Path) -> PictureSummary | None:
@@ -115,6 +124,13 @@ def print_frames(summaries: list[FrameSummary]) -> None:
     for s in summaries:
         if s.reason:
             console.print(f"{s.carrier}: {s.reason}", highlight=False)
+        if not isnan(s.said_m):
+            console.print(f"{s.carrier} {applies(s.said_m)}", highlight=False)
+
+
+def applies(said_m: float) -> str:
+    """That a carrier applies its corrections, in words, and what comes of it."""
+    return f"applies its corrections: the place it reports then errs by {_metres(said_m)}"
 
 
 def print_picture(picture: PictureSummary) -> None:

@@ -19,6 +19,7 @@ from msgspec.structs import replace
 
 from schemas import keys
 from schemas.errors import SettingsError
+from schemas.feedback import correction_id
 from schemas.messages import (
     Alignment,
     Association,
@@ -40,12 +41,13 @@ from .passive import frames as passive_frames
 from .passive import lines as passive_lines
 from .picture import fusing as picture
 from .quality import Tally
-from .relative_frames import joint, memoryless
+from .relative_frames import feedback, joint, memoryless
 from .relative_frames.links import status
 from .relative_frames.monitor import sentence
 from .rollback import Course
 from .settings import Settings
 from .sources.intake import absorb, take_part
+from .sources.uncorrected import taken_out
 from .state import State
 from .timeline import Batch
 
@@ -107,6 +109,7 @@ def step(state: State, closed: Closed, messages: Sequence[Input | Event]) -> tup
     state = carry_out(replace(state, timeline=now), batch.events)
     state = take_part(state, closed)
     tally = _not_fused(batch, closed)
+    batch = taken_out(batch, state.centre, closed.step, tally)
 
     # per-source tracks -> report events (frames: searched for, then followed together)
     # -> picture, and what bearings alone say; beacons, from ranges
@@ -232,7 +235,7 @@ def _correction(state: State, closed: Closed, carrier: str, seq: int) -> Correct
         step=closed.step,
         t_ns=closed.t_ns,
         carrier=carrier,
-        id=f"{carrier}-{closed.step}",
+        id=correction_id(state.centre, carrier, closed.step),
         state=monitor.state,
         reason=monitor.reason[:1024],
     )
@@ -255,4 +258,5 @@ def _correction(state: State, closed: Closed, carrier: str, seq: int) -> Correct
         method=estimate.method,
         mode_probability=estimate.mode_probability,
         terms=list(estimate.terms),
+        feedback=feedback.of(estimate) if monitor.state == "applied" else None,
     )

@@ -26,6 +26,7 @@ class _Row:
     logs: int = 0
     late: int = 0
     sigma_defaults: int = 0
+    unknown_corrections: int = 0
     nis: float = 0.0
     nis_dof: int = 0
     taken: int = 0
@@ -88,6 +89,12 @@ class Tally:
     def late(self, message: Input) -> None:
         """A message that is not fused because it is too old."""
         self._row(message.carrier, message.stream).late += _logs_of(message)
+
+    def unknown_correction(self, message: Input, why: str) -> None:
+        """A message that holds a correction which cannot be taken out of it."""
+        row = self._row(message.carrier, message.stream)
+        row.unknown_corrections += 1
+        row.flags[f"{why}: not used"] = None
 
     def future(self, message: Input, ahead_s: float) -> None:
         """A message that is not fused because its stamp lies too far after the closing."""
@@ -152,6 +159,7 @@ class Tally:
                 late=row.late,
                 associated=len(row.associated),
                 sigma_defaults=row.sigma_defaults,
+                unknown_corrections=row.unknown_corrections,
                 nis=_per_degree(row.nis, row.nis_dof),
                 nis_dof=row.nis_dof,
                 taken=row.taken,

@@ -14,6 +14,7 @@ from schemas.bus.interface import Inbox, Liveness, Sample
 from schemas.bus.member import Member
 from schemas.bus.roster import Life, Roster
 from schemas.errors import LaunchError, WireError
+from schemas.feedback import WINDOW
 from schemas.messages import Ack, Closed, DeclaredScenario, Step, TruthScenario
 from schemas.received import receive
 
@@ -21,8 +22,6 @@ from .world import World
 
 log = logging.getLogger("world")
 
-WINDOW = 8
-"""Step k + WINDOW is granted only after the fusion centre has acknowledged k."""
 RESEND_S = 0.25
 PUMP_S = 0.02
 LEAVE_S = 30.0

@@ -16,6 +16,7 @@ from crossfix.evaluation import symmetric
 from crossfix.export.shapes import COLOURS
 from crossfix.export.situation import Situation, corrected
 from crossfix.making import Made, beside
+from crossfix.own_frames import as_own
 from crossfix.picture.tracks import SIGMAS
 from estimation.arrays import Array
 from estimation.frames import Site, on_surface, site_at
@@ -106,7 +107,7 @@ def _found(recording: Recording, show: Show) -> Found:
     for count, recorded in enumerate(recording.messages(), start=1):
         show(count, recorded.log_time_ns)
         try:
-            message = recorded.decode()
+            message = as_own(recorded.decode())
         except WireError:
             continue
         now.hear(message)

@@ -34,6 +34,7 @@ from crossfix.export.foxglove_messages import (
 )
 from crossfix.export.situation import Corrected, Situation, corrected
 from crossfix.making import Made, beside
+from crossfix.own_frames import as_own
 from estimation.arrays import Array
 from estimation.frames import RigidTransform, Site, rotation_clockwise
 from schemas import messages as m
@@ -96,7 +97,8 @@ class Translator:
         self._flags: dict[tuple[str, str], str] = {}
 
     def translate(self, message: object) -> Iterator[Out]:
-        """What a message shows."""
+        """What a message shows; a carrier that applies its corrections, as if it did not."""
+        message = as_own(message)
         self._now.hear(message)
         if isinstance(message, m.Navigation):
             yield from self._navigation(message)

@@ -13,6 +13,7 @@ from crossfix.evaluation import symmetric
 from crossfix.export.shapes import COLOURS
 from crossfix.export.situation import Situation, corrected
 from crossfix.making import Made, beside
+from crossfix.own_frames import as_own
 from crossfix.picture.tracks import SIGMAS
 from estimation.arrays import Array
 from schemas import messages as m
@@ -72,7 +73,8 @@ class _Drawing:
         self._states: dict[str, str] = {}
 
     def take(self, message: object) -> None:
-        """What a message shows."""
+        """What a message shows; a carrier that applies its corrections, as if it did not."""
+        message = as_own(message)
         self._now.hear(message)
         t_ns = getattr(message, "t_ns", None)
         if t_ns is None:

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
+from crossfix.own_frames import as_own
 from estimation.arrays import Array
 from estimation.frames import (
     RigidTransform,
@@ -64,6 +66,15 @@ class Axes:
             name: sorted(messages, key=_time) for name, messages in story.navigation.items()
         }
         self._truth_views: dict[int, TruthView | None] = {}
+
+    @cached_property
+    def uncorrected(self) -> Axes:
+        """The same by what carriers would say without the corrections they apply."""
+        own = {
+            name: [as_own(message) for message in messages]
+            for name, messages in self._story.navigation.items()
+        }
+        return Axes(self._story._replace(navigation=own))
 
     def navigation(self, carrier: str, t_ns: int) -> Sequence[Navigation]:
         """The last one or two messages of one boot up to an instant; none before the first."""

@@ -10,9 +10,10 @@ from msgspec import Struct
 from scipy.special import chdtri
 
 from crossfix.commands.info import ending
-from crossfix.evaluation import FrameSummary, summarise
+from crossfix.evaluation import FrameSummary, said_errors, summarise
 from crossfix.table import DIMENSIONS as PLACE_DIMENSIONS
 from crossfix.tracking_errors import summarise_picture
+from schemas.messages import Navigation, TruthCarriers
 from schemas.recording.fingerprint import Fingerprint
 
 from .accounts import (
@@ -64,6 +65,9 @@ class CarrierFigures(Struct, frozen=True, kw_only=True):
         state_s: how long it was in each state.
         moved_m, turned_rad: the last correction; None where there is none. sigma_*: its own.
         pairs: target logs it rests on, mean over the second half.
+        applies: the carrier applies its corrections.
+        said_m: error of the place in own axes that it reports then, over the second half; None
+            where no truth is recorded.
         truth: None where no truth is recorded.
     """
 
@@ -77,6 +81,8 @@ class CarrierFigures(Struct, frozen=True, kw_only=True):
     sigma_m: float | None
     sigma_rad: float | None
     pairs: float | None
+    applies: bool = False
+    said_m: float | None = None
     truth: TruthFigures | None
 
 
@@ -168,7 +174,7 @@ def figures_of(story: Story, series: Sequence[FrameSeries]) -> Figures:
         duration_s=story.time_s(story.end_ns),
         steps=story.closings[-1].step if story.closings else 0,
         steps_declared=story.scenario.steps,
-        carriers=[carrier_figures(s) for s in series],
+        carriers=_carriers(story, series),
         picture=picture_figures(story),
         losses=loss_figures(story),
         news=news(story),
@@ -216,8 +222,26 @@ def nees_interval() -> tuple[float, float]:
     return low / DIMENSIONS, high / DIMENSIONS
 
 
-def carrier_figures(series: FrameSeries) -> CarrierFigures:
-    """One carrier's."""
+def _carriers(story: Story, series: Sequence[FrameSeries]) -> list[CarrierFigures]:
+    navigation = [message for said in story.navigation.values() for message in said]
+    told: list[TruthCarriers | Navigation] = [*story.truth_carriers, *navigation]
+    told.sort(key=lambda message: message.t_ns)
+    said: dict[str, Sequence[float]] = {m.carrier: () for m in navigation if m.correction_id}
+    said |= said_errors(story.scenario, story.own, told)
+    return [carrier_figures(s, said.get(s.carrier)) for s in series]
+
+
+def rms(values: Sequence[float]) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def carrier_figures(series: FrameSeries, said_m: Sequence[float] | None = None) -> CarrierFigures:
+    """One carrier's.
+
+    Args:
+        said_m: errors of the places it reports while it applies its corrections; None: it does not.
+    """
     state_s: dict[str, float] = {}
     for span in series.states:
         state_s[span.name] = state_s.get(span.name, 0.0) + span.to_s - span.from_s
@@ -238,6 +262,8 @@ def carrier_figures(series: FrameSeries) -> CarrierFigures:
         sigma_m=sigma and hypot(*sigma[:2]),
         sigma_rad=sigma and sigma[2],
         pairs=float(pairs[len(pairs) // 2 :].mean()) if len(pairs) else None,
+        applies=said_m is not None,
+        said_m=rms(said_m[len(said_m) // 2 :]) if said_m else None,
         truth=_truth_figures(series) if series.errors else None,
     )
 

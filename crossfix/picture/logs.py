@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from crossfix.own_frames import as_own
 from estimation.arrays import Array
 from estimation.frames import on_surface, rotation_clockwise, target_from_source
 from fusion_center.navigation import way_m
@@ -80,19 +81,35 @@ class _Seen(NamedTuple):
 
 
 def logs_of(story: Story, axes: Axes, carrier: str, names: Names) -> tuple[Logs, Logs]:
-    """All logs of a carrier, as reported and as corrected; the own carrier's need no correction."""
+    """All logs of a carrier, as reported and as corrected; the own carrier's need no correction.
+
+    What a carrier reports that applies its corrections holds them already; as corrected the logs
+    of all carriers are drawn alike.
+    """
     seen = [*_seen(story, axes, carrier, names)]
     reported = [s.reported() for s in seen]
     if carrier == story.own:
         return _joined(reported), _joined(())
+    if any(message.correction_id for message in story.navigation.get(carrier, ())):
+        seen = [*_seen(story, axes.uncorrected, carrier, names, as_own)]
     return _joined(reported), _joined(_corrected(story, axes, carrier, seen))
 
 
-def _seen(story: Story, axes: Axes, carrier: str, names: Names) -> Iterator[_Seen]:
+def _as_said(report: SourceReport) -> SourceReport:
+    return report
+
+
+def _seen(
+    story: Story,
+    axes: Axes,
+    carrier: str,
+    names: Names,
+    taken: Callable[[SourceReport], SourceReport] = _as_said,
+) -> Iterator[_Seen]:
     for (sender, source), reports in story.reports.items():
         if sender == carrier:
             properties = story.sources.get((carrier, source), SourceProperties())
-            for report in reports:
+            for report in map(taken, reports):
                 if (seen := _placed(story, axes, report, properties, names)) is not None:
                     yield seen
 

@@ -9,6 +9,7 @@ from crossfix.table import NOTE, PICTURE_HEADINGS, PICTURE_NOTE
 from .figures import CarrierFigures, Figures, TruthFigures
 from .words import (
     COUNTED,
+    applying,
     degrees,
     duration,
     instant,
@@ -63,6 +64,8 @@ def _corrections(f: Figures) -> Iterator[str]:
             f"first applied after {seconds(c.applied_after_s)}"
         )  # fmt: skip
         yield f"- {c.name}: {c.state}, {applied}{_plain(f' ({c.reason})' if c.reason else '')}"
+        if c.applies:
+            yield f"- {c.name} {applying(c.said_m)}"
     yield ""
 
 

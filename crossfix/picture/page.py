@@ -147,6 +147,7 @@ def _used_states(series: Sequence[FrameSeries]) -> list[tuple[str, str]]:
 
 
 _WORDS = {
+    "applying": words.applying,
     "metres": words.metres,
     "degrees": words.degrees,
     "seconds": words.seconds,

@@ -59,6 +59,13 @@ def picture_cells(truth: PictureTruth) -> tuple[str, ...]:
     )
 
 
+def applying(said_m: float | None) -> str:
+    """That a carrier applies its corrections, and what comes of it."""
+    if said_m is None:
+        return "applies its corrections"
+    return f"applies its corrections: the place it reports then errs by {metres(said_m)}"
+
+
 def duration(span_s: float) -> str:
     """A span of time as people say it."""
     if span_s < 120:

@@ -9,6 +9,7 @@ import msgspec
 
 from schemas import codec
 from schemas.errors import CrossfixError
+from schemas.feedback import renamed_id
 from schemas.keys import Address, require_id
 from schemas.messages import SourceReport
 from schemas.recording.reader import Recorded
@@ -44,7 +45,8 @@ class Renames(NamedTuple):
         Raises:
             WireError: what was recorded is not valid.
         """
-        renamed = msgspec.structs.replace(message.decode(), **changes)
+        said = message.decode()
+        renamed = msgspec.structs.replace(said, **changes, **_correction_of(said, changes))
         if "json" in message.encoding:
             return codec.encode_json(renamed)
         return codec.encode(renamed)
@@ -75,3 +77,11 @@ def renames_of(rules: Iterable[str]) -> Renames:
                 "--remap", got=rule, expected="CARRIER=NAME or CARRIER/SOURCE=CARRIER/NAME"
             )
     return Renames(carriers, sources)
+
+
+def _correction_of(said: msgspec.Struct, changes: Mapping[str, str]) -> Mapping[str, str]:
+    """The name of the correction that a message holds, made out to the carrier's new name."""
+    held = getattr(said, "correction_id", "")
+    if not held or "carrier" not in changes:
+        return {}
+    return {"correction_id": renamed_id(held, changes["carrier"])}

@@ -100,7 +100,7 @@ def placed(state: State, carrier: str, t_ns: int) -> Placed | None:
 
 def _placed(state: State, carrier: str, t_ns: int) -> Placed | None:
     own_messages = state.carriers[state.own].navigation if state.own in state.carriers else ()
-    if not own_messages:
+    if not own_messages or _holds_unknown(state, carrier):
         return None
     own = site(pose_at(own_messages, t_ns))
     origin = state.scenario.origin
@@ -113,6 +113,12 @@ def _placed(state: State, carrier: str, t_ns: int) -> Placed | None:
         return None
     between, _ = navigated(state, carrier, t_ns)
     return Placed(site(between.other), own, between.own_from_other, frame, picture_from_own)
+
+
+def _holds_unknown(state: State, carrier: str) -> bool:
+    """Whether a carrier has a frame that nobody knows: what is known of a correction is out."""
+    messages = state.carriers[carrier].navigation if carrier in state.carriers else ()
+    return any(message.correction_id for message in messages[-1:])
 
 
 def _frame(state: State, carrier: str, t_ns: int) -> OwnAxesFrame | None:

@@ -210,6 +210,9 @@ class SourceReport(Input, frozen=True, kw_only=True, omit_defaults=True):
         identity, identity_kind: a name that other carriers see too, such as an MMSI.
         filter: of logs of kind track.
         increment: of logs of kind increment.
+        correction_id: the correction that these logs already hold, see `Navigation`.
+        turned_rad: what it added to their bearings; east and north, velocities, filters and the
+            swept sector are turned alike. Latitudes and longitudes never hold a correction.
     """
 
     swept: Sector | None = None
@@ -245,6 +248,8 @@ class SourceReport(Input, frozen=True, kw_only=True, omit_defaults=True):
     identity_kind: list[Text | None] | None = None
     filter: list[TrackFilter | None] | None = None
     increment: list[Increment | None] | None = None
+    correction_id: Text = ""
+    turned_rad: Angle = 0.0
 
     def __len__(self) -> int:
         """Number of target logs."""
@@ -270,7 +275,7 @@ class SourceReport(Input, frozen=True, kw_only=True, omit_defaults=True):
 COLUMNS = tuple(
     name
     for name in SourceReport.__struct_fields__
-    if name not in (*Input.__struct_fields__, "swept", "features")
+    if name not in (*Input.__struct_fields__, "swept", "features", "correction_id", "turned_rad")
 )
 """Every column of a report, in the order of the message."""
 _columns = attrgetter(*COLUMNS)
@@ -308,10 +313,12 @@ class Navigation(Input, frozen=True, kw_only=True, omit_defaults=True):
         kind: whether the pose came of a position fix or of dead reckoning alone.
         correlation_time_s: of the error of the pose; 0 = constant.
         reckoned_east_m, reckoned_north_m: dead-reckoned way since this boot, cumulative: the
-            difference of two messages is the way between them, and losing one costs nothing.
+            difference of two messages is the way between them, and losing one costs nothing. It
+            never holds a correction.
         speed_mps: through what it moves in, along `heading_rad` of the pose.
         sigma_speed_mps, sigma_heading_rad: of the dead reckoning.
         correction_id: the correction of the fusion centre that this pose already holds.
+        uncorrected: the pose without it, which is what the fusion centre works with.
     """
 
     pose: Pose
@@ -323,6 +330,7 @@ class Navigation(Input, frozen=True, kw_only=True, omit_defaults=True):
     sigma_speed_mps: Sigma | None = None
     sigma_heading_rad: Sigma | None = None
     correction_id: Text = ""
+    uncorrected: Pose | None = None
 
 
 class Ranging(Input, frozen=True, kw_only=True, omit_defaults=True):

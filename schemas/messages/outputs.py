@@ -11,6 +11,8 @@ from .values import (
     Angle,
     Count,
     Id,
+    Latitude,
+    Longitude,
     Metres,
     MetresPerSecond,
     Real,
@@ -18,6 +20,7 @@ from .values import (
     Text,
     TimeNs,
     Triangle,
+    require_covariance,
 )
 
 CorrectionState = Literal["off", "observing", "candidate", "applied", "suspended"]
@@ -100,11 +103,33 @@ class SourceTerm(Struct, frozen=True, kw_only=True):
     sigma: Real
 
 
+class Feedback(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What a carrier adds to its own so that its frame becomes that of the own carrier.
+
+    Attributes:
+        latitude_rad, longitude_rad: to its reported place, at `valid_t_ns` of the correction.
+        latitude_rad_s, longitude_rad_s: by how much more for every second after that.
+        north_rad: to its bearings and its heading.
+        covariance: of (east, north, own north) [m, rad]: what is left of the error of its frame
+            against that of the own carrier.
+    """
+
+    latitude_rad: Latitude
+    longitude_rad: Longitude
+    latitude_rad_s: Real = 0.0
+    longitude_rad_s: Real = 0.0
+    north_rad: Angle
+    covariance: Triangle
+
+    def __post_init__(self) -> None:
+        require_covariance("covariance", self.covariance, (3,))
+
+
 class Correction(Output, frozen=True, kw_only=True, omit_defaults=True):
     """Where another carrier's frame lies against the own one.
 
     Attributes:
-        id: carrier and step; Navigation names it when applied.
+        id: centre/carrier/step; Navigation names it when applied.
         state: off | observing | candidate | applied | suspended.
         reason: why it is in that state, in words.
         method: the estimator that made it.
@@ -118,6 +143,7 @@ class Correction(Output, frozen=True, kw_only=True, omit_defaults=True):
         pairs: associated pairs used; chi2 of their misclosures over `dof`.
         mode_probability: that the association behind it is the right one.
         terms: systematic errors of single sources.
+        feedback: how to apply it; only while it is applied and every direction is determined.
     """
 
     carrier: Id
@@ -139,6 +165,7 @@ class Correction(Output, frozen=True, kw_only=True, omit_defaults=True):
     dof: Count = 0
     mode_probability: Share = 1.0
     terms: list[SourceTerm] = []
+    feedback: Feedback | None = None
 
 
 class Track(Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -325,6 +352,8 @@ class SourceQuality(Struct, frozen=True, kw_only=True, omit_defaults=True):
     Attributes:
         logs: fused; late: not fused because too old; associated: with another carrier's log.
         sigma_defaults: logs that brought no sigma of their own.
+        unknown_corrections: messages that name a correction which was never sent, or do not say
+            what they are without it; no report of that kind is fused.
         nis: mean normalised squared misclosure per degree of freedom, `nis_dof` of them.
         taken, lone: plots that are of a track of the picture, and of none.
         track_nis: as `nis`, of the taken plots and what their tracks had foretold.
@@ -338,6 +367,7 @@ class SourceQuality(Struct, frozen=True, kw_only=True, omit_defaults=True):
     late: Count = 0
     associated: Count = 0
     sigma_defaults: Count = 0
+    unknown_corrections: Count = 0
     nis: Annotated[float, Meta(ge=0, le=1e18)] = 0.0
     nis_dof: Count = 0
     taken: Count = 0

@@ -57,6 +57,9 @@ def _problems(file: ScenarioFile) -> Iterator[Problem]:
     yield from _names(file)
     for n, carrier in enumerate(file.carriers):
         yield from _carrier(file, carrier, ("carriers", n))
+        if carrier.use_corrections and carrier.name == _own(file):
+            expected = "false: corrections lead to the frame of this very carrier, see fusion.own"
+            yield Problem(("carriers", n, "use_corrections"), "of the own carrier", True, expected)
     yield from _targets(file)
     for n, group in enumerate(file.target_groups):
         yield from _group(file, group, ("target_groups", n))
@@ -71,6 +74,11 @@ def _time(file: ScenarioFile) -> Iterator[Problem]:
     if file.time.duration_s < file.time.step_s:
         expected = f">= step_s ({file.time.step_s:g})"
         yield Problem(("time", "duration_s"), "shorter than a step", file.time.duration_s, expected)
+
+
+def _own(file: ScenarioFile) -> object:
+    """The carrier whose frame is the gauge; the fusion centre sees to it that there is one."""
+    return file.fusion.get("own") or next((carrier.name for carrier in file.carriers), "")
 
 
 def _names(file: ScenarioFile) -> Iterator[Problem]:

@@ -1,8 +1,9 @@
 """What a scenario file may hold, key by key: the one place where degrees are spoken.
 
 Declared (anyone may fetch it): name, title, time, origin, fusion; of a carrier `name`,
-`navigation`, `sensors` and `ranging`; of a beacon where it is said to be. Truth (never for the
-fusion centre): seed, every `motion` and `errors` table, classes, targets, target_groups, tracks.
+`use_corrections`, `navigation`, `sensors` and `ranging`; of a beacon where it is said to be. Truth
+(never for the fusion centre): seed, every `motion` and `errors` table, classes, targets,
+target_groups, tracks.
 
 Places are east and north [m] of the origin; courses and bearings clockwise from north.
 """
@@ -201,7 +202,12 @@ class Sensor(Table, frozen=True, kw_only=True):
 
 
 class Carrier(Table, frozen=True, kw_only=True):
-    """A carrier: what it declares, and how it truly moves and errs."""
+    """A carrier: what it declares, and how it truly moves and errs.
+
+    Attributes:
+        use_corrections: it applies the corrections it is sent, and says all in the frame so
+            corrected.
+    """
 
     name: Id
     use_corrections: bool = False

@@ -40,7 +40,7 @@ def test_a_correction_comes_about_in_three_reports() -> None:
     _, outputs = two_ships(8).run(4, np.random.default_rng(1))
     found = [correction(out) for out in outputs]
     assert [c.state for c in found] == ["candidate", "candidate", "applied", "applied"]
-    assert [c.id for c in found] == ["b-1", "b-2", "b-3", "b-4"]
+    assert [c.id for c in found] == [f"fusion/b/{step}" for step in (1, 2, 3, 4)]
     assert found[0].reason == "every direction determined in 1 of 3 reports"
     last = found[-1]
     assert (last.pairs, last.dof, last.valid_t_ns) == (8, 16, stamp(4))

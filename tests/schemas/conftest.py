@@ -31,6 +31,8 @@ def _messages(message: type[msgspec.Struct]) -> st.SearchStrategy[Any]:
         return st.integers(2, 4).flatmap(_filters)
     if message is m.Pose:
         return _builds(message, covariance=st.none() | _triangles(3, 6))
+    if message is m.Feedback:
+        return _builds(message, covariance=_triangles(3))
     return _builds(message)
 
 

@@ -10,8 +10,8 @@ import pytest
 from schemas import codec, keys
 from schemas.bus.interface import Inbox, Sample
 from schemas.bus.memory_bus import MemoryNetwork
+from schemas.feedback import WINDOW
 from schemas.messages import Ack, Closed, Step
-from sim_world.node import WINDOW
 from sim_world.scenario import Scenario, parse_scenario
 from tests.whole.in_memory import MemoryRun
 from tests.whole.recorded import messages, outputs
