@@ -18,14 +18,12 @@ import numpy as np
 from estimation.arrays import Array, Indices
 from estimation.tracking import features, imm
 from estimation.tracking.features import Features, Layout, Said
-from estimation.tracking.gating import near
 from estimation.tracking.imm import Bank
-from estimation.tracking.innovations import Innovations, innovations, joined_innovations
 from estimation.tracking.marginals import Candidates, Marginals
+from estimation.tracking.pairing import Paired, Sums, folded, paired
 from estimation.tracking.scan import Scan
 
 PairTerm = Callable[[Indices, Indices], Array]
-_BATCH = 4_096  # pairs worked on together: their matrices stay in the cache
 _SUREST = 1e12  # times likelier than not: more is not believed of any pair
 _MOVES = 1e-4  # probability below which a pair moves no state
 
@@ -54,30 +52,30 @@ class Tracks(NamedTuple):
         return Tracks(self.identity[which], self.existence[which], bank, classes, known)
 
 
-class Candidate(NamedTuple):
-    """Ends of pairs, before it is known what they are worth."""
-
-    track: Indices
-    plot: Indices
-
-
 class Pairs(NamedTuple):
     """k gated pairs and what each would do to its track.
 
     Attributes:
-        track, plot: (k,) by track.
-        innovations: of the pairs.
+        ends: the pairs, and what is between their tracks and plots.
         likelihood: (k,) density of the plot, features included, given the track.
         model: (2, k) models after the plot.
         classes: (classes, k) classes after the plot.
     """
 
-    track: Indices
-    plot: Indices
-    innovations: Innovations
+    ends: Paired
     likelihood: Array
     model: Array
     classes: Array
+
+    @property
+    def track(self) -> Indices:
+        """(k,), ascending."""
+        return self.ends.track
+
+    @property
+    def plot(self) -> Indices:
+        """(k,)."""
+        return self.ends.plot
 
 
 def none(classes: int, layout: Layout) -> Tracks:
@@ -106,14 +104,9 @@ def gated(tracks: Tracks, scan: Scan, gate: float, term: PairTerm | None = None)
         gate: Mahalanobis distance squared.
         term: logarithm of one more likelihood ratio, of pairs (rows of tracks, plots).
     """
-    track, plot = near(tracks.bank, scan.plots, gate, scan.common)
-    pieces = [
-        _inside(tracks, scan, gate, Candidate(track[k : k + _BATCH], plot[k : k + _BATCH]))
-        for k in range(0, max(len(track), 1), _BATCH)
-    ]
-    track, plot = (np.concatenate(ends) for ends in zip(*(ends for ends, _ in pieces), strict=True))
-    found = joined_innovations([piece for _, piece in pieces])
-    by_model = np.take(tracks.bank.model, track, axis=-1) * np.exp(found.log_density)
+    ends = paired(tracks.bank, scan, gate)
+    track, plot = ends.track, ends.plot
+    by_model = np.take(tracks.bank.model, track, axis=-1) * np.exp(ends.innovations.log_density)
     likelihood = by_model.sum(axis=0)
     after = by_model / np.maximum(likelihood, 1e-300)
     if term is not None:
@@ -121,18 +114,7 @@ def gated(tracks: Tracks, scan: Scan, gate: float, term: PairTerm | None = None)
     if scan.features is not None:
         likelihood *= features.ratio(tracks.features, scan.features, track, plot)
     classes, told = judged(np.take(tracks.classes, track, axis=-1), scan.evidence, plot)
-    return Pairs(track, plot, found, likelihood * told, after, classes)
-
-
-def _inside(
-    tracks: Tracks, scan: Scan, gate: float, ends: Candidate
-) -> tuple[Candidate, Innovations]:
-    """Those of some pairs that are within the gate."""
-    mean, covariance, _ = tracks.bank.take(ends.track)
-    rows = scan.plots.rows(mean, ends.plot)
-    found = innovations(rows, mean, covariance, scan.common)
-    inside = np.flatnonzero((found.distance_squared() <= gate).any(axis=0))
-    return Candidate(ends.track[inside], ends.plot[inside]), found.take(inside)
+    return Pairs(ends, likelihood * told, after, classes)
 
 
 def judged(classes: Array, evidence: Array | None, plot: Indices) -> tuple[Array, Array]:
@@ -175,7 +157,7 @@ def updated(
     """
     missed = tracks.existence * (1.0 - detection) / (1.0 - tracks.existence * detection)
     missed = missed * marginals.track_alone
-    sums = _Sums(pairs.track, len(missed))
+    sums = Sums(pairs.track, len(missed))
     existence = missed + sums.of(marginals.pair)
     share = marginals.pair / np.maximum(existence, 1e-300)[pairs.track]
     stay = missed / np.maximum(existence, 1e-300)
@@ -190,7 +172,7 @@ def _told(tracks: Tracks, pairs: Pairs, share: Array, said: Said) -> Features:
     some = np.flatnonzero(share > _MOVES)
     track, plot = pairs.track[some], pairs.plot[some]
     told = features.after(tracks.features, said, track, plot)
-    sums = _Sums(track, len(tracks.identity))
+    sums = Sums(track, len(tracks.identity))
     return features.folded(tracks.features, told, track, share[some], sums.of)
 
 
@@ -200,29 +182,10 @@ def _folded(bank: Bank, pairs: Pairs, share: Array) -> Bank:
     Pairs of negligible share count as a miss.
     """
     some = np.flatnonzero(share > _MOVES)
-    sums = _Sums(pairs.track[some], bank.model.shape[-1])
+    sums = Sums(pairs.track[some], bank.model.shape[-1])
     joint = pairs.model[:, some] * share[some]
     stay = 1.0 - sums.of(share[some])
     model = bank.model * stay + sums.of(joint)
     given = joint / np.maximum(model, 1e-300)[:, pairs.track[some]]
-    shift, less = pairs.innovations.take(some).corrections()
-    mean_shift = sums.of(shift * given)
-    change = sums.of(((shift[:, None] * shift) - less) * given)
-    covariance = bank.covariance + (change - mean_shift[:, None] * mean_shift)
-    return Bank(bank.mean + mean_shift, covariance, model / model.sum(axis=0))
-
-
-class _Sums:
-    """Sums over the pairs of each track; pairs come by track."""
-
-    def __init__(self, track: Indices, tracks: int) -> None:
-        self._tracks = tracks
-        self._begins = np.flatnonzero(np.diff(track, prepend=-1))
-        self._owner = track[self._begins]
-
-    def of(self, values: Array) -> Array:
-        """(..., k) by pair to (..., n) by track."""
-        total = np.zeros((*values.shape[:-1], self._tracks))
-        if self._owner.size:
-            total[..., self._owner] = np.add.reduceat(values, self._begins, axis=-1)
-        return total
+    mean, covariance = folded(bank, pairs.ends.take(some), given)
+    return Bank(mean, covariance, model / model.sum(axis=0))

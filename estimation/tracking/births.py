@@ -11,7 +11,7 @@ from estimation.tracking import bernoulli, features, imm, undetected
 from estimation.tracking.bernoulli import Tracks
 from estimation.tracking.features import Features, Layout
 from estimation.tracking.imm import Motion
-from estimation.tracking.innovations import corrected, innovations
+from estimation.tracking.innovations import corrected, foretold, innovations
 from estimation.tracking.measurements import Found
 from estimation.tracking.scan import Scan
 from estimation.tracking.undetected import Look, Undetected
@@ -64,13 +64,15 @@ def _fresh(
     """A track from each plot, and how well new targets explain what it says beside its place."""
     bank = imm.born(found.place_m, found.covariance_m2, scan.plots.offset_s, motion)
     fitness = np.ones(scan.plots.size)
-    rows = scan.plots.beside(bank.mean)
-    if rows:
-        extra = innovations(rows, bank.mean, bank.covariance)
-        fitness = (bank.model * np.exp(extra.log_density)).sum(axis=0)
-        bank = corrected(bank, extra)
-    prior = np.repeat(classes[:, None], scan.plots.size, axis=-1)
     every = np.arange(scan.plots.size)
+    readings = scan.plots.readings().beside()
+    if len(readings.value):
+        expected = scan.plots.expected(bank.mean, scan.plots.offset_s).beside()
+        expects = foretold(expected, bank.mean, bank.covariance)
+        extra = innovations(readings, expects, every, every)
+        fitness = (bank.model * np.exp(extra.log_density)).sum(axis=0)
+        bank = corrected(bank, expects, extra)
+    prior = np.repeat(classes[:, None], scan.plots.size, axis=-1)
     posterior, told = bernoulli.judged(prior, scan.evidence, every)
     return Tracks(every, fitness, bank, posterior, _known(scan, layout)), fitness * told
 

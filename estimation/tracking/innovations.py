@@ -1,8 +1,9 @@
-"""From rows to innovations and corrections: the Kalman update, one scalar equation after another.
+"""From readings to innovations and corrections: the Kalman update with as little algebra as can be.
 
-The equations of a pair are made independent one by one (the update of a covariance by a scalar
-needs no inverse), so that every kind of measurement takes the same path. Nothing of size 4 x 4 is
-formed until it is known which pairs count.
+What costs is done once a state (`foretold`): what it should give, how surely, and what a reading
+would push. A pair of a state and a plot is then a few numbers a row, made independent one after
+another (S = L D L'), and what the pairs of a state do to it is summed before anything of size
+4 x 4 is formed.
 """
 
 from __future__ import annotations
@@ -12,41 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.arrays import Array, Indices
+from estimation.frames import wrap_pi
 from estimation.tracking.imm import Bank
-from estimation.tracking.measurements import Row
-
-
-class Innovations(NamedTuple):
-    """What each of k pairs would change in its track, under each model.
-
-    Attributes:
-        push: (rows, 4, 2, k) covariance of the state with each independent innovation.
-        residual, variance: (rows, 2, k) of the independent innovations.
-        log_density: (2, k) logarithm of the density of the plot given the track.
-    """
-
-    push: Array
-    residual: Array
-    variance: Array
-    log_density: Array
-
-    def distance_squared(self) -> Array:
-        """Mahalanobis distances squared (2, k), chi-squared of as many degrees as rows."""
-        squared: Array = (self.residual**2 / self.variance).sum(axis=0)
-        return squared
-
-    def take(self, which: Indices) -> Innovations:
-        """The pairs `which`, in that order."""
-        return Innovations(*(np.take(part, which, axis=-1) for part in self))
-
-    def corrections(self) -> tuple[Array, Array]:
-        """Change of the mean (4, 2, k) and decrease of the covariance (4, 4, 2, k)."""
-        weight = (self.residual / self.variance)[:, None]
-        shift = (self.push * weight).sum(axis=0)
-        less = np.zeros((4, *shift.shape))
-        for push, variance in zip(self.push, self.variance, strict=True):
-            less += (push[:, None] * push) / variance
-        return shift, less
+from estimation.tracking.measurements import Expected, Readings
 
 
 class Common(NamedTuple):
@@ -61,34 +30,111 @@ class Common(NamedTuple):
     pivot_m: Array
 
 
-def innovations(
-    rows: list[Row], mean: Array, covariance: Array, common: Common | None = None
-) -> Innovations:
-    """Independent innovations of pairs whose states have the covariances (4, 4, 2, k).
+class Foretold(NamedTuple):
+    """What n states should give a sensor, under each model.
+
+    Attributes:
+        value: (rows, 2, n).
+        spread: (rows, rows, 2, n) covariance of what is foretold, the common error included.
+        push: (rows, 4, 2, n) covariance of the state with it.
+        rate: (rows, 2, n) of the value by time.
+    """
+
+    value: Array
+    spread: Array
+    push: Array
+    rate: Array
+
+
+class Innovations(NamedTuple):
+    """k pairs of a state and a plot, under each model.
+
+    Attributes:
+        state: (k,) rows of what was foretold.
+        residual, variance: (rows, 2, k) of the independent innovations.
+        mixing: (rows, rows - 1, 2, k) by what of the residuals before it each is less; 0 elsewhere.
+        log_density: (2, k) logarithm of the density of the plot given the track.
+    """
+
+    state: Indices
+    residual: Array
+    variance: Array
+    mixing: Array
+    log_density: Array
+
+    def distance_squared(self) -> Array:
+        """Mahalanobis distances squared (2, k), chi-squared of as many degrees as rows."""
+        squared: Array = (self.residual**2 / self.variance).sum(axis=0)
+        return squared
+
+    def take(self, which: Indices) -> Innovations:
+        """The pairs `which`, in that order."""
+        return Innovations(self.state[which], *(np.take(part, which, axis=-1) for part in self[1:]))
+
+    def weights(self) -> tuple[Array, Array]:
+        """Of residuals r with covariance S: inv(S) r (rows, 2, k), inv(S) (rows, rows, 2, k)."""
+        inverse = np.zeros((len(self.residual), *self.residual.shape))
+        weight = self.residual / self.variance
+        for row in range(len(weight)):
+            made = [*self.mixing[row, :row], 1.0]
+            for i, one in enumerate(made):
+                for j, other in enumerate(made):
+                    inverse[i, j] += one * other / self.variance[row]
+            share = self.residual[row] / self.variance[row]
+            weight[:row] += self.mixing[row, :row] * share
+        return weight, inverse
+
+
+def foretold(
+    expected: Expected, mean: Array, covariance: Array, common: Common | None = None
+) -> Foretold:
+    """What states (4, 2, n) with covariances (4, 4, 2, n) should give, and how surely.
 
     Args:
-        rows: one or more equations of the same pairs, their noise independent.
-        mean: (4, 2, k) the states at which the rows were taken.
-        covariance: of those states.
         common: error shared by the plots; here it widens every pair by itself.
     """
-    pushes: list[Array] = []
-    residuals: list[Array] = []
-    variances: list[Array] = []
-    density = np.zeros(rows[0].residual.shape)
-    for row in rows:
-        gradient, push, residual = _widened(row, mean, covariance, common)
-        for push_0, residual_0, variance_0 in zip(pushes, residuals, variances, strict=True):
-            share = (gradient * push_0).sum(axis=0) / variance_0
-            push = push - push_0 * share
-            residual = residual - residual_0 * share
-        variance = row.variance + (gradient * push).sum(axis=0)
-        pushes.append(push)
-        residuals.append(residual)
-        variances.append(variance)
-        density += row.log_reference - (residual**2 / variance + np.log(2 * np.pi * variance)) / 2
-    push_of_state = np.stack([push[:4] for push in pushes])
-    return Innovations(push_of_state, np.stack(residuals), np.stack(variances), density)
+    rows, states = len(expected.value), expected.value.shape[1:]
+    push, spread = np.zeros((rows, 4, *states)), np.zeros((rows, rows, *states))
+    for row, gradient in enumerate(expected.gradient):
+        axes = [axis for axis in range(4) if gradient[axis].any()]
+        for axis in axes:
+            push[row] += covariance[:, axis] * gradient[axis]
+        for axis in axes:
+            spread[row, : row + 1] += push[: row + 1, axis] * gradient[axis]
+    if common is not None:
+        spread += _shared(expected.gradient, mean, common)
+    rate = (expected.gradient[:, :2] * mean[2:]).sum(axis=1)
+    return Foretold(expected.value, spread, push, rate)
+
+
+def _shared(gradient: Array, mean: Array, common: Common) -> Array:
+    """Covariance (rows, rows, 2, n) of the readings by the common error."""
+    east, north = mean[:2] - common.pivot_m[:, None, None]
+    turn = gradient[:, 0] * north - gradient[:, 1] * east
+    shared = np.stack([gradient[:, 0], gradient[:, 1], turn])
+    pushed = np.einsum("ij,jrmn->irmn", common.covariance, shared)
+    return np.asarray(np.einsum("irmn,ismn->rsmn", shared, pushed))
+
+
+def innovations(readings: Readings, told: Foretold, state: Indices, plot: Indices) -> Innovations:
+    """Independent innovations of pairs (k,) of states and plots."""
+    rows, shape = len(readings.value), (2, len(state))
+    residual, variance = np.empty((rows, *shape)), np.empty((rows, *shape))
+    mixing, density = np.zeros((rows, max(rows - 1, 0), *shape)), np.zeros(shape)
+    for row in range(rows):
+        residual[row], covariance = _raw(readings, told, row, state, plot)
+        variance[row] = covariance[row]
+        for j in range(row):
+            with_j = covariance[j] + sum(mixing[j, i] * covariance[i] for i in range(j))
+            share = with_j / variance[j]
+            residual[row] -= share * residual[j]
+            variance[row] -= share * with_j
+            mixing[row, j] -= share
+            mixing[row, :j] -= share * mixing[j, :j]
+        logarithm = np.log(2 * np.pi * variance[row])
+        each = readings.log_reference[row] - (residual[row] ** 2 / variance[row] + logarithm) / 2
+        density += np.where(np.isinf(variance[row]), 0.0, each)
+    return Innovations(state, residual, variance, mixing, density)
 
 
 def joined_innovations(parts: list[Innovations]) -> Innovations:
@@ -96,25 +142,48 @@ def joined_innovations(parts: list[Innovations]) -> Innovations:
     return Innovations(*(np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)))
 
 
-def corrected(bank: Bank, found: Innovations) -> Bank:
+def corrections(told: Foretold, found: Innovations) -> tuple[Array, Array]:
+    """Change of the mean (4, 2, k) and decrease of the covariance (4, 4, 2, k) by each pair."""
+    weight, inverse = found.weights()
+    return moved(np.take(told.push, found.state, axis=-1), weight, inverse)
+
+
+def moved(push: Array, weight: Array, inverse: Array) -> tuple[Array, Array]:
+    """Pushes (rows, 4, 2, n) times weights (rows, 2, n), and times matrices, on both sides."""
+    shift = np.zeros(push.shape[1:])
+    change = np.zeros((4, *shift.shape))
+    for row, along in enumerate(push):
+        shift += along * weight[row]
+        across = (push * inverse[row][:, None]).sum(axis=0)
+        change += along[:, None] * across
+    return shift, change
+
+
+def corrected(bank: Bank, told: Foretold, found: Innovations) -> Bank:
     """The bank after one plot each, its models weighed by how well they foretold it."""
-    shift, less = found.corrections()
+    shift, less = corrections(told, found)
     likelihood = np.exp(found.log_density - found.log_density.max(axis=0))
     joint = bank.model * likelihood
     return Bank(bank.mean + shift, bank.covariance - less, joint / joint.sum(axis=0))
 
 
-def _widened(
-    row: Row, mean: Array, covariance: Array, common: Common | None
-) -> tuple[Array, Array, Array]:
-    """Gradient, its product with the covariance, residual; the common error as three states."""
-    push = covariance[:, 0] * row.gradient[0]
-    for k in range(1, 4):
-        push += covariance[:, k] * row.gradient[k]
-    if common is None:
-        return row.gradient, push, row.residual
-    east, north = mean[:2] - common.pivot_m[:, None, None]
-    turn = row.gradient[0] * north - row.gradient[1] * east
-    shared = np.stack([row.gradient[0], row.gradient[1], turn])
-    push_shared = np.einsum("ij,jmk->imk", common.covariance, shared)
-    return np.concatenate([row.gradient, shared]), np.concatenate([push, push_shared]), row.residual
+def _raw(
+    readings: Readings, told: Foretold, row: int, state: Indices, plot: Indices
+) -> tuple[Array, list[Array]]:
+    """Residuals (2, k) of a row and their covariances with those up to it; inf if it is not there.
+
+    An instant known to a sigma displaces the target by its velocity times that.
+    """
+    residual = readings.value[row, plot] - np.take(told.value[row], state, axis=-1)
+    if readings.angle[row]:
+        residual = wrap_pi(residual)
+    covariance = [
+        np.take(told.spread[row, j], state, axis=-1) + readings.covariance[row, j, plot]
+        for j in range(row + 1)
+    ]
+    if readings.sigma_offset_s.any():
+        covariance[row] += (told.rate[row][:, state] * readings.sigma_offset_s[plot]) ** 2
+    absent = np.isnan(residual)
+    if absent.any():
+        residual[absent], covariance[row][absent] = 0.0, np.inf
+    return residual, covariance

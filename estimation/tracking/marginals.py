@@ -11,22 +11,20 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from estimation.arrays import Array, Indices
 from estimation.assignment import assignment
 
 _TOLERANCE = 1e-3
-_PASSES = 8  # between two looks at what has settled
-_ROUNDS = 12
+_PASSES = 4  # between two looks at what has settled
+_ROUNDS = 24
 
 
 class Candidates(NamedTuple):
     """Pairs that may be, sparse.
 
     Attributes:
-        track, plot: (k,) ends of each pair, none twice.
+        track, plot: (k,) ends of each pair, by track, none twice.
         weight: (k,) positive.
         tracks, plots: how many there are.
     """
@@ -36,6 +34,11 @@ class Candidates(NamedTuple):
     weight: Array
     tracks: int
     plots: int
+
+    def take(self, which: Indices) -> Candidates:
+        """Some of the pairs."""
+        some = (self.track[which], self.plot[which], self.weight[which])
+        return Candidates(*some, self.tracks, self.plots)
 
 
 class Marginals(NamedTuple):
@@ -49,20 +52,21 @@ class Marginals(NamedTuple):
 def by_belief(given: Candidates) -> Marginals:
     """Marginals by loopy belief propagation; exact where the candidates form no loop.
 
-    Pairs that no other pair touches are exact at once, the others are iterated.
+    Pairs that no other pair touches are exact at once. Faint ones are weighed against what the
+    others settled on, but take no part in settling it. The others are iterated.
 
     Source: Williams & Lau, Approximate evaluation of marginal association probabilities with
     belief propagation, IEEE Trans. AES 50(4), 2014, eqs 21-26.
     """
     degree_track = np.bincount(given.track, minlength=given.tracks)[given.track]
     degree_plot = np.bincount(given.plot, minlength=given.plots)[given.plot]
-    tangled = np.flatnonzero((degree_track > 1) | (degree_plot > 1))
-    message = np.ones(len(given.weight))  # from plots to tracks
-    rivals = given._replace(
-        track=given.track[tangled], plot=given.plot[tangled], weight=given.weight[tangled]
-    )
-    message[tangled] = _converged(rivals)
-    claim = given.weight * message
+    tangled = (degree_track > 1) | (degree_plot > 1)
+    rivals = np.flatnonzero(tangled & (given.weight > _TOLERANCE))
+    bid = np.zeros(len(given.weight))  # from tracks to plots
+    some = given.take(rivals)
+    bid[rivals] = _bids(some, _converged(some))
+    rest = _sums(given.plot, bid, given.plots)[given.plot] - bid
+    claim = given.weight / (1.0 + np.maximum(rest, 0.0))
     pair = claim / (1.0 + _sums(given.track, claim, given.tracks)[given.track])
     return _completed(given, pair)
 
@@ -78,43 +82,81 @@ def by_assignment(given: Candidates) -> Marginals:
 def _converged(given: Candidates) -> Array:
     """Messages from plots to tracks at their fixed point.
 
-    Pairs are dropped from the iteration, a knot of them at a time, as they settle.
+    What has settled rests for as long as nothing moves that it depends on.
     """
     message = np.ones(len(given.weight))
-    knot = _knots(given)
     active = np.arange(len(message))
     for _ in range(_ROUNDS):
         if not active.size:
             break
-        rest = given._replace(
-            track=given.track[active], plot=given.plot[active], weight=given.weight[active]
-        )
-        message[active], moved = _iterated(rest, message[active])
-        unsettled = np.bincount(knot[active], moved, minlength=int(knot.max()) + 1) > 0
-        active = active[unsettled[knot[active]]]
+        message[active], moved = _iterated(_rivals(given, message, active), message[active])
+        restless = active[moved]
+        track, plot = np.zeros(given.tracks, dtype=bool), np.zeros(given.plots, dtype=bool)
+        track[given.track[restless]] = plot[given.plot[restless]] = True
+        active = np.flatnonzero(track[given.track] | plot[given.plot])
     return message
 
 
-def _iterated(given: Candidates, message: Array) -> tuple[Array, NDArray[np.bool_]]:
+class _Rivals(NamedTuple):
+    """Pairs that are iterated, and what those at rest say to them.
+
+    Attributes:
+        given: the k pairs.
+        begins, runs: first pair and length of each run of pairs of one track.
+        claims: (k,) of pairs at rest on the track of each; bids: (k,) on its plot.
+    """
+
+    given: Candidates
+    begins: Indices
+    runs: Indices
+    claims: Array
+    bids: Array
+
+    def bid(self, message: Array) -> Array:
+        """Messages from tracks to plots, by those from plots to tracks."""
+        weight = self.given.weight
+        claim = weight * message
+        others = np.repeat(np.add.reduceat(claim, self.begins), self.runs)
+        others -= claim
+        others += self.claims
+        np.maximum(others, 0.0, out=others)
+        others += 1.0
+        bid: Array = np.divide(weight, others, out=others)
+        return bid
+
+
+def _rivals(given: Candidates, message: Array, active: Indices) -> _Rivals:
+    """The active ones among some pairs."""
+    some = given.take(active)
+    begins = np.flatnonzero(np.diff(some.track, prepend=-1))
+    runs = np.diff(begins, append=len(active))
+    if len(active) == len(message):
+        return _Rivals(some, begins, runs, np.zeros(1), np.zeros(1))
+    claim, bid = given.weight * message, _bids(given, message)
+    claim[active] = bid[active] = 0.0
+    claims, bids = _sums(given.track, claim, given.tracks), _sums(given.plot, bid, given.plots)
+    return _Rivals(some, begins, runs, claims[some.track], bids[some.plot])
+
+
+def _bids(given: Candidates, message: Array) -> Array:
+    """Messages from tracks to plots, by those from plots to tracks."""
+    claim = given.weight * message
+    others = _sums(given.track, claim, given.tracks)[given.track] - claim
+    return np.asarray(given.weight / (1.0 + np.maximum(others, 0.0)))
+
+
+def _iterated(rivals: _Rivals, message: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Messages after some passes, and which still moved in the last."""
-    before = message
+    given, before = rivals.given, message
     for _ in range(_PASSES):
-        before = message
-        claim = given.weight * message
-        others = _sums(given.track, claim, given.tracks)[given.track] - claim
-        bid = given.weight / (1.0 + np.maximum(others, 0.0))
-        rest = _sums(given.plot, bid, given.plots)[given.plot] - bid
-        message = 1.0 / (1.0 + np.maximum(rest, 0.0))
+        before, bid = message, rivals.bid(message)
+        rest = _sums(given.plot, bid, given.plots)[given.plot]
+        rest -= bid
+        rest += rivals.bids
+        np.maximum(rest, 0.0, out=rest)
+        rest += 1.0
+        message = np.divide(1.0, rest, out=rest)
     return message, np.abs(message - before) > _TOLERANCE * message
-
-
-def _knots(given: Candidates) -> Indices:
-    """Which pairs hang together, directly or through others: a label (k,) of each."""
-    ends = (given.track, given.tracks + given.plot)
-    size = given.tracks + given.plots
-    links = coo_array((np.ones(len(given.weight)), ends), shape=(size, size))
-    _, label = connected_components(links, directed=False)
-    return np.asarray(label[given.track], dtype=np.intp)
 
 
 def _completed(given: Candidates, pair: Array) -> Marginals:

@@ -197,6 +197,6 @@ def _named(lone: Tracks, chance: Array, first: int, pruned: float) -> tuple[Trac
 
 
 def _association(tracks: Tracks, pairs: Pairs, marginals: Marginals, begun: Indices) -> Association:
-    distance = pairs.innovations.distance_squared()
+    distance = pairs.ends.innovations.distance_squared()
     likelier = np.where(pairs.model[1] > pairs.model[0], distance[1], distance[0])
     return Association(tracks.identity[pairs.track], pairs.plot, marginals.pair, likelier, begun)

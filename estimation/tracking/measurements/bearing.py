@@ -6,17 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.arrays import Array, Indices
-from estimation.frames import wrap_pi
-from estimation.tracking.measurements.kinds import Probe, Row
+from estimation.arrays import Array
+from estimation.tracking.measurements.kinds import Expected, Readings
 from estimation.tracking.measurements.line_of_sight import (
-    LEAST_M,
+    by_state,
     columns,
-    longest_axis,
-    most,
-    place_row,
+    independent,
     seen_from,
-    timed,
 )
 
 
@@ -34,30 +30,26 @@ class Bearings(NamedTuple):
         """See `Measurement`."""
         return len(self.bearing_rad)
 
-    def rows(self, mean: Array, plot: Indices) -> list[Row]:
+    def readings(self) -> Readings:
         """See `Measurement`."""
-        seen = seen_from(self.site_m, mean, self.offset_s[plot])
-        turned = wrap_pi(self.bearing_rad[plot] - seen.bearing_rad)
-        across = place_row(seen, seen.across / seen.range_m, turned, self.sigma_bearing_rad[plot])
-        return [timed(across, mean, self.sigma_offset_s[plot])]
+        return Readings(
+            self.bearing_rad[None],
+            independent(self.sigma_bearing_rad),
+            (True,),
+            (0.0,),
+            self.offset_s,
+            self.sigma_offset_s,
+        )
+
+    def expected(self, mean: Array, offset_s: Array | float) -> Expected:
+        """See `Measurement`."""
+        seen = seen_from(self.site_m, mean, offset_s)
+        across = by_state(seen.across / seen.range_m, offset_s)
+        return Expected(seen.bearing_rad[None], across[None])
 
     def found(self) -> None:
         """See `Measurement`."""
         return
-
-    def beside(self, mean: Array) -> list[Row]:
-        """See `Measurement`."""
-        return []
-
-    def probes(self, place_m: Array, covariance_m2: Array) -> list[Probe]:
-        """On the unit circle about the sensor."""
-        away = place_m - self.site_m[:, None]
-        far = np.maximum(np.hypot(*away), LEAST_M)
-        circle = np.stack([np.sin(self.bearing_rad), np.cos(self.bearing_rad)], axis=-1)
-        spread = longest_axis(covariance_m2).max(axis=0) / far**2
-        spread = spread + most(self.sigma_bearing_rad) ** 2
-        every = np.arange(self.size)
-        return [Probe(circle, every, (away / far).T, spread, 1.0 / far, far**2)]
 
 
 def bearings(

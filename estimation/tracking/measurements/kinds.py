@@ -1,26 +1,59 @@
-"""What every kind of measurement gives: rows, places, and where to look."""
+"""What every kind of measurement gives: its readings, and what a target should give instead."""
 
 from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-from estimation.arrays import Array, Indices
+from estimation.arrays import Array
+
+PLACE_ROWS = 2
+"""As many readings fix a place, if the plots fix one; what follows is said beside it."""
 
 
-class Row(NamedTuple):
-    """One scalar equation for each of k pairs, under each model.
+class Readings(NamedTuple):
+    """What m plots say, a row for each quantity.
 
     Attributes:
-        gradient: (4, 2, k) of the predicted value by the state.
-        residual: (2, k) measured less predicted.
-        variance: (2, k) of the measurement alone.
-        log_reference: (k,) added to the logarithm of the density, see `RangeRate`.
+        value: (rows, m); nan: the plot does not have it (then it is in no pair, or, beside the
+            place, says nothing).
+        covariance: (rows, rows, m) of its noise.
+        angle: for each row whether a turn more is the same.
+        log_reference: (rows,) added to the logarithm of the density of each, see `RangeRate`.
+        offset_s: (m,) instant of each plot less that of the scan; sigma_offset_s: (m,).
     """
 
+    value: Array
+    covariance: Array
+    angle: tuple[bool, ...]
+    log_reference: tuple[float, ...]
+    offset_s: Array
+    sigma_offset_s: Array
+
+    def beside(self) -> Readings:
+        """The rows that say something beside the place."""
+        rest = slice(PLACE_ROWS, None)
+        return self._replace(
+            value=self.value[rest],
+            covariance=self.covariance[rest, rest],
+            angle=self.angle[rest],
+            log_reference=self.log_reference[rest],
+        )
+
+
+class Expected(NamedTuple):
+    """What targets in n states under each model should give.
+
+    Attributes:
+        value: (rows, 2, n).
+        gradient: (rows, 4, 2, n) by the state.
+    """
+
+    value: Array
     gradient: Array
-    residual: Array
-    variance: Array
-    log_reference: Array | float = 0.0
+
+    def beside(self) -> Expected:
+        """The rows that say something beside the place."""
+        return Expected(self.value[PLACE_ROWS:], self.gradient[PLACE_ROWS:])
 
 
 class Found(NamedTuple):
@@ -37,25 +70,6 @@ class Found(NamedTuple):
     area: Array
 
 
-class Probe(NamedTuple):
-    """A plane in which plots near n tracks can be looked up, and how far to look.
-
-    Attributes:
-        places: (q, 2) where plots are; plot: (q,) which they are (one may be in two places).
-        tracks: (n, 2).
-        spread: (n,) variance, along its widest direction, of a track less a plot of its target.
-        scale: (n,) length there of a metre at the track, at most.
-        area: (n,) m^2 at the track of a unit of area there.
-    """
-
-    places: Array
-    plot: Indices
-    tracks: Array
-    spread: Array
-    scale: Array
-    area: Array
-
-
 class Measurement(Protocol):
     """The plots of one scan."""
 
@@ -67,14 +81,11 @@ class Measurement(Protocol):
     def offset_s(self) -> Array:
         """(m,) instant of each plot less that of the scan."""
 
-    def rows(self, mean: Array, plot: Indices) -> list[Row]:
-        """Equations of pairs: states (4, 2, k) predicted to the scan, plots (k,)."""
+    def readings(self) -> Readings:
+        """What they say."""
+
+    def expected(self, mean: Array, offset_s: Array | float) -> Expected:
+        """What targets of states (4, 2, n) give `offset_s` (n,) later."""
 
     def found(self) -> Found | None:
         """Where the plots alone put their targets; None if they fix no place."""
-
-    def beside(self, mean: Array) -> list[Row]:
-        """What each plot says beside the place: states (4, 2, m) that began with the plots."""
-
-    def probes(self, place_m: Array, covariance_m2: Array) -> list[Probe]:
-        """Ways to look for plots of tracks at (2, n) with covariances (2, 2, models, n)."""

@@ -1,4 +1,4 @@
-"""Targets as a sensor sees them, and equations of what it measures of them."""
+"""Targets as a sensor sees them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.arrays import Array, broadcast
-from estimation.tracking.measurements.kinds import Row
 
 LEAST_M = 1.0  # from the sensor: nearer, the direction means nothing
 
@@ -19,30 +18,22 @@ class Seen(NamedTuple):
     across: Array
     range_m: Array
     bearing_rad: Array
-    offset_s: Array
 
 
-def seen_from(site_m: Array, mean: Array, offset_s: Array) -> Seen:
+def seen_from(site_m: Array, mean: Array, offset_s: Array | float) -> Seen:
     """Targets of states (4, 2, k), each `offset_s` (k,) after its state, from `site_m` (2,)."""
-    away = mean[:2] + mean[2:] * offset_s - site_m[:, None, None]
+    away = mean[:2] - site_m[:, None, None]
+    if np.any(offset_s):
+        away = away + mean[2:] * offset_s
     far = np.maximum(np.hypot(away[0], away[1]), LEAST_M)
     unit = away / far
     across = np.stack([unit[1], -unit[0]])
-    return Seen(unit, across, far, np.arctan2(away[0], away[1]), offset_s)
+    return Seen(unit, across, far, np.arctan2(away[0], away[1]))
 
 
-def place_row(seen: Seen, slope: Array, residual: Array, sigma: Array) -> Row:
-    """A value of the place alone, its gradient by the place (2, 2, k)."""
-    variance = np.broadcast_to(sigma**2, residual.shape)
-    return Row(np.concatenate([slope, slope * seen.offset_s]), residual, variance)
-
-
-def timed(row: Row, mean: Array, sigma_offset_s: Array) -> Row:
-    """An instant known to a sigma displaces the target by its velocity times that."""
-    if not sigma_offset_s.any():
-        return row
-    rate = (row.gradient[:2] * mean[2:]).sum(axis=0)
-    return row._replace(variance=row.variance + (rate * sigma_offset_s) ** 2)
+def by_state(slope: Array, offset_s: Array | float) -> Array:
+    """The gradient (4, 2, k) by the state of what has the slope (2, 2, k) by the place."""
+    return np.concatenate([slope, slope * offset_s])
 
 
 def columns(*values: Array | float) -> tuple[Array, ...]:
@@ -50,14 +41,9 @@ def columns(*values: Array | float) -> tuple[Array, ...]:
     return tuple(np.atleast_1d(column) for column in broadcast(*values))
 
 
-def most(values: Array) -> float:
-    """The largest, 0 of none."""
-    return float(values.max()) if values.size else 0.0
-
-
-def longest_axis(covariance: Array) -> Array:
-    """Largest eigenvalue (...) of matrices (2, 2, ...)."""
-    middle = (covariance[0, 0] + covariance[1, 1]) / 2
-    half = (covariance[0, 0] - covariance[1, 1]) / 2
-    axis: Array = middle + np.hypot(half, covariance[0, 1])
-    return axis
+def independent(*sigmas: Array) -> Array:
+    """Covariance (rows, rows, m) of readings whose noise has the sigmas (m,)."""
+    covariance = np.zeros((len(sigmas), len(sigmas), len(sigmas[0])))
+    for row, sigma in enumerate(sigmas):
+        covariance[row, row] = sigma**2
+    return covariance

@@ -6,13 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.arrays import Array, Indices
-from estimation.tracking.measurements.kinds import Found, Probe, Row
-from estimation.tracking.measurements.line_of_sight import (
-    longest_axis,
-    most,
-    timed,
-)
+from estimation.arrays import Array
+from estimation.tracking.measurements.kinds import Expected, Found, Readings
+from estimation.tracking.measurements.line_of_sight import by_state
 
 
 class Places(NamedTuple):
@@ -32,35 +28,27 @@ class Places(NamedTuple):
         """See `Measurement`."""
         return int(self.place_m.shape[-1])
 
-    def rows(self, mean: Array, plot: Indices) -> list[Row]:
-        """East, then what north says beyond its correlation with east."""
-        east, both, north = self.covariance_m2[[0, 0, 1], [0, 1, 1]][:, plot]
-        slope = both / east
-        offset = self.offset_s[plot]
-        miss = self.place_m[:, None, plot] - mean[:2] - mean[2:] * offset
-        one, none = np.ones(miss.shape[1:]), np.zeros(miss.shape[1:])
-        first = np.stack([one, none, offset * one, none])
-        second = np.stack([-slope * one, one, -slope * offset * one, offset * one])
-        late = self.sigma_offset_s[plot]
-        beyond = miss[1] - slope * miss[0]
-        return [
-            timed(Row(first, miss[0], east * one), mean, late),
-            timed(Row(second, beyond, (north - slope * both) * one), mean, late),
-        ]
+    def readings(self) -> Readings:
+        """See `Measurement`."""
+        return Readings(
+            self.place_m,
+            self.covariance_m2,
+            (False, False),
+            (0.0, 0.0),
+            self.offset_s,
+            self.sigma_offset_s,
+        )
+
+    def expected(self, mean: Array, offset_s: Array | float) -> Expected:
+        """See `Measurement`."""
+        slope = np.zeros((2, 2, *mean.shape[1:]))
+        slope[0, 0] = slope[1, 1] = 1.0
+        east, north = (by_state(axis, offset_s) for axis in slope)
+        return Expected(mean[:2] + mean[2:] * offset_s, np.stack([east, north]))
 
     def found(self) -> Found:
         """See `Measurement`."""
         return Found(self.place_m, self.covariance_m2, np.ones(self.size))
-
-    def beside(self, mean: Array) -> list[Row]:
-        """See `Measurement`."""
-        return []
-
-    def probes(self, place_m: Array, covariance_m2: Array) -> list[Probe]:
-        """In the plane."""
-        one = np.ones(place_m.shape[-1])
-        spread = longest_axis(covariance_m2).max(axis=0) + most(longest_axis(self.covariance_m2))
-        return [Probe(self.place_m.T, np.arange(self.size), place_m.T, spread, one, one)]
 
 
 def places(

@@ -7,21 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.arrays import Array, Indices
-from estimation.frames import wrap_pi
-from estimation.tracking.measurements.kinds import Found, Probe, Row
+from estimation.arrays import Array
+from estimation.tracking.measurements.kinds import Expected, Found, Readings
 from estimation.tracking.measurements.line_of_sight import (
     LEAST_M,
+    Seen,
+    by_state,
     columns,
-    longest_axis,
-    most,
-    place_row,
+    independent,
     seen_from,
-    timed,
 )
-
-_SEAM_RAD = 0.5  # plots nearer to the seam of bearings have a copy beyond it
-_REACH = 10.0  # standard deviations that no gate exceeds
 
 
 class RangeRate(NamedTuple):
@@ -57,16 +52,35 @@ class Polar(NamedTuple):
         """See `Measurement`."""
         return len(self.bearing_rad)
 
-    def rows(self, mean: Array, plot: Indices) -> list[Row]:
+    def readings(self) -> Readings:
         """See `Measurement`."""
-        seen = seen_from(self.site_m, mean, self.offset_s[plot])
-        along = place_row(
-            seen, seen.unit, self.range_m[plot] - seen.range_m, self.sigma_range_m[plot]
+        values = [self.range_m, self.bearing_rad]
+        sigmas = [self.sigma_range_m, self.sigma_bearing_rad]
+        span = 1.0
+        if self.range_rate is not None:
+            values.append(self.range_rate.value_mps)
+            sigmas.append(self.range_rate.sigma_mps)
+            span = self.range_rate.clutter_span_mps
+        return Readings(
+            np.stack(values),
+            independent(*sigmas),
+            (False, True, False)[: len(values)],
+            (0.0, 0.0, math.log(span))[: len(values)],
+            self.offset_s,
+            self.sigma_offset_s,
         )
-        turned = wrap_pi(self.bearing_rad[plot] - seen.bearing_rad)
-        across = place_row(seen, seen.across / seen.range_m, turned, self.sigma_bearing_rad[plot])
-        late = self.sigma_offset_s[plot]
-        return [timed(along, mean, late), timed(across, mean, late), *self._rate(mean, plot)]
+
+    def expected(self, mean: Array, offset_s: Array | float) -> Expected:
+        """See `Measurement`."""
+        seen = seen_from(self.site_m, mean, offset_s)
+        values = [seen.range_m, seen.bearing_rad]
+        slopes = [by_state(slope, offset_s) for slope in (seen.unit, seen.across / seen.range_m)]
+        if self.range_rate is not None:
+            rate, slope = _rate(seen, mean[2:] - self.range_rate.carrier_mps[:, None, None])
+            slope[2:] += slope[:2] * offset_s
+            values.append(rate)
+            slopes.append(slope)
+        return Expected(np.stack(values), np.stack(slopes))
 
     def found(self) -> Found:
         """See `Measurement`."""
@@ -74,84 +88,15 @@ class Polar(NamedTuple):
         across = np.stack([unit[1], -unit[0]]) * (self.range_m * self.sigma_bearing_rad)
         along = unit * self.sigma_range_m
         covariance = along[:, None] * along + across[:, None] * across
-        return Found(self._places(), covariance, np.maximum(self.range_m, LEAST_M))
-
-    def beside(self, mean: Array) -> list[Row]:
-        """See `Measurement`."""
-        return self._rate(mean, np.arange(self.size))
-
-    def probes(self, place_m: Array, covariance_m2: Array) -> list[Probe]:
-        """In the plane, and by range and bearing in units of their sigmas.
-
-        In the latter the noise is a circle: tracks known better than a plot, far from the sensor,
-        meet hardly any plots that are not theirs.
-        """
-        away = place_m - self.site_m[:, None]
-        far = np.maximum(np.hypot(*away), LEAST_M)
-        noise = np.stack([np.full_like(far, most(self.sigma_range_m)), far * self._widest_rad()])
-        one = np.ones_like(far)
-        spread = longest_axis(covariance_m2).max(axis=0) + noise.max(axis=0) ** 2
-        plane = Probe(self._places().T, np.arange(self.size), place_m.T, spread, one, one)
-        return [plane, self._by_sigmas(away / far, far, covariance_m2, np.maximum(noise, 1e-6))]
-
-    def _places(self) -> Array:
-        unit = np.stack([np.sin(self.bearing_rad), np.cos(self.bearing_rad)])
-        placed: Array = self.site_m[:, None] + unit * self.range_m
-        return placed
-
-    def _widest_rad(self) -> float:
-        return max(most(self.sigma_bearing_rad), 1e-9)
-
-    def _by_sigmas(self, unit: Array, far: Array, covariance_m2: Array, noise: Array) -> Probe:
-        """Range and bearing by their sigmas; plots near the seam of bearings are there twice.
-
-        Not for tracks that may reach beyond those copies: to them a unit of area is infinite.
-        """
-        axes = np.stack([unit, np.stack([unit[1], -unit[0]])]) / noise[:, None]
-        half = np.einsum("abn,bcmn->acmn", axes, covariance_m2)
-        turned = np.einsum("acmn,dcn->admn", half, axes)
-        spread = 1.0 + longest_axis(turned).max(axis=0)
-        step = self._widest_rad()
-        bearing, plot = _unrolled(wrap_pi(self.bearing_rad))
-        reach = _REACH * np.sqrt(spread) * step
-        return Probe(
-            np.stack([self.range_m[plot] / noise[0, :1], bearing / step], axis=-1),
-            plot,
-            np.stack([far / noise[0], np.arctan2(*unit) / step], axis=-1),
-            spread,
-            1.0 / noise.min(axis=0),
-            np.where(reach < _SEAM_RAD, noise[0] * noise[1], np.inf),
-        )
-
-    def _rate(self, mean: Array, plot: Indices) -> list[Row]:
-        if self.range_rate is None:
-            return []
-        seen = seen_from(self.site_m, mean, self.offset_s[plot])
-        given, sigma = self.range_rate.value_mps[plot], self.range_rate.sigma_mps[plot]
-        absent = np.isnan(given)
-        velocity = mean[2:] - self.range_rate.carrier_mps[:, None, None]
-        rate = (velocity * seen.unit).sum(axis=0)
-        turn = (velocity * seen.across).sum(axis=0) / seen.range_m
-        gradient = np.concatenate([turn * seen.across, seen.unit])
-        gradient[2:] += gradient[:2] * self.offset_s[plot]
-        residual = np.where(absent, 0.0, given - rate)
-        variance = np.broadcast_to(np.where(absent, 1.0, sigma) ** 2, rate.shape)
-        span = math.log(self.range_rate.clutter_span_mps)
-        nothing = 0.5 * np.log(2 * np.pi * variance[0])
-        return [
-            Row(
-                np.where(absent, 0.0, gradient), residual, variance, np.where(absent, nothing, span)
-            )
-        ]
+        place = self.site_m[:, None] + unit * self.range_m
+        return Found(place, covariance, np.maximum(self.range_m, LEAST_M))
 
 
-def _unrolled(bearing: Array) -> tuple[Array, Indices]:
-    """Bearings with copies a turn away of those near the seam, and whose they are."""
-    plot = np.arange(len(bearing))
-    low = np.flatnonzero(bearing < _SEAM_RAD - np.pi)
-    high = np.flatnonzero(bearing > np.pi - _SEAM_RAD)
-    turns = np.concatenate([bearing, bearing[low] + 2 * np.pi, bearing[high] - 2 * np.pi])
-    return turns, np.concatenate([plot, low, high])
+def _rate(seen: Seen, velocity: Array) -> tuple[Array, Array]:
+    """Rate of range (2, k) by velocities (2, 2, k), and its gradient by place and velocity."""
+    turn = (velocity * seen.across).sum(axis=0) / seen.range_m
+    slope = np.concatenate([turn * seen.across, seen.unit])
+    return (velocity * seen.unit).sum(axis=0), slope
 
 
 def polar(

@@ -2,17 +2,35 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from estimation.arrays import Array
 from estimation.tracking import imm
-from estimation.tracking.imm import Motion
-from estimation.tracking.innovations import Common, Innovations, corrected, innovations
+from estimation.tracking.imm import Bank, Motion
+from estimation.tracking.innovations import (
+    Common,
+    Foretold,
+    Innovations,
+    corrected,
+    corrections,
+    foretold,
+    innovations,
+)
+from estimation.tracking.measurements import Measurement
 from tests.estimation.tracking.states import KINDS, SITE, plots_of, some_bank
 
 MOTION = Motion()
+
+
+class Innovated(NamedTuple):
+    """Pairs, and what was foretold of their tracks."""
+
+    told: Foretold
+    pairs: Innovations
 
 
 def dense(parts: Array, track: int) -> list[Array]:
@@ -83,38 +101,41 @@ def test_combined_has_the_moments_of_the_mixture() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_gradients_are_those_of_the_predicted_values(kind: str) -> None:
-    """Residual = measured less predicted, so it falls by gradient times displacement."""
+def test_gradients_are_those_of_the_expected_values(kind: str) -> None:
     rng = np.random.default_rng(5)
     bank = some_bank(rng, 6)
-    plots, every = plots_of(kind, rng, bank.mean[:2, 0].T), np.arange(6)
-    rows = plots.rows(bank.mean, every)
+    plots = plots_of(kind, rng, bank.mean[:2, 0].T)
+    gradient = plots.expected(bank.mean, plots.offset_s).gradient
     for axis, small in enumerate((0.5, 0.5, 0.01, 0.01)):
-        moved = bank.mean.copy()
-        moved[axis] += small
-        back = bank.mean.copy()
-        back[axis] -= small
-        for row, up, down in zip(
-            rows, plots.rows(moved, every), plots.rows(back, every), strict=True
-        ):
-            slope = -(up.residual - down.residual) / (2 * small)
-            scale = np.abs(row.gradient).max()
-            np.testing.assert_allclose(row.gradient[axis], slope, atol=1e-6 * scale, rtol=1e-5)
+        up, down = bank.mean.copy(), bank.mean.copy()
+        up[axis] += small
+        down[axis] -= small
+        ends = [plots.expected(mean, plots.offset_s).value for mean in (up, down)]
+        slope = (ends[0] - ends[1]) / (2 * small)
+        for row, want in zip(gradient, slope, strict=True):
+            np.testing.assert_allclose(row[axis], want, atol=1e-6 * np.abs(row).max(), rtol=1e-5)
 
 
-def joint(kind: str, common: Common | None) -> tuple[Innovations, list[tuple[Array, Array, float]]]:
+def pairs_of(plots: Measurement, bank: Bank, common: Common | None = None) -> Innovated:
+    """Each plot with the track of its number."""
+    every = np.arange(plots.size)
+    expected = plots.expected(bank.mean, plots.offset_s)
+    told = foretold(expected, bank.mean, bank.covariance, common)
+    return Innovated(told, innovations(plots.readings(), told, every, every))
+
+
+def joint(kind: str, common: Common | None) -> tuple[Innovated, list[tuple[Array, Array, float]]]:
     """Our innovations, and mean, covariance and log density of the update in one piece."""
     rng = np.random.default_rng(6)
     bank = some_bank(rng, 4)
-    plots, every = plots_of(kind, rng, bank.mean[:2, 0].T), np.arange(4)
-    rows = plots.rows(bank.mean, every)
-    found = innovations(rows, bank.mean, bank.covariance, common)
+    plots = plots_of(kind, rng, bank.mean[:2, 0].T)
+    readings, expected = plots.readings(), plots.expected(bank.mean, plots.offset_s)
     want = []
     for i in range(4):
         for j in (0, 1):
-            h = np.array([row.gradient[:, j, i] for row in rows])
-            nu = np.array([row.residual[j, i] for row in rows])
-            noise = np.diag([row.variance[j, i] for row in rows])
+            h = expected.gradient[:, :, j, i]
+            nu = readings.value[:, i] - expected.value[:, j, i]
+            noise = readings.covariance[:, :, i]
             if common is not None:
                 east, north = bank.mean[:2, j, i] - common.pivot_m
                 g = h[:, :2] @ np.array([[1.0, 0.0, north], [0.0, 1.0, -east]])
@@ -123,9 +144,9 @@ def joint(kind: str, common: Common | None) -> tuple[Innovations, list[tuple[Arr
             s = h @ p @ h.T + noise
             gain = p @ h.T @ np.linalg.inv(s)
             density = stats.multivariate_normal(cov=s, allow_singular=False).logpdf(nu)
-            reference = sum(float(np.broadcast_to(row.log_reference, 4)[i]) for row in rows)
+            reference = sum(readings.log_reference)
             want.append((gain @ nu, gain @ h @ p, float(density) + reference))
-    return found, want
+    return pairs_of(plots, bank, common), want
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -134,40 +155,38 @@ def test_scalar_by_scalar_is_the_update_in_one_piece(kind: str, with_common: boo
     root = np.array([[30.0, 0.0, 0.0], [5.0, 25.0, 0.0], [1e-3, -5e-4, 2e-3]])
     common = Common(root @ root.T, SITE) if with_common else None
     found, want = joint(kind, common)
-    shift, less = found.corrections()
+    shift, less = corrections(*found)
     for k, (mean, covariance, density) in enumerate(want):
         i, j = divmod(k, 2)
         np.testing.assert_allclose(shift[:, j, i], mean, rtol=1e-7, atol=1e-9)
         np.testing.assert_allclose(less[:, :, j, i], covariance, rtol=1e-7, atol=1e-7)
-        np.testing.assert_allclose(found.log_density[j, i], density, atol=1e-6)
+        np.testing.assert_allclose(found.pairs.log_density[j, i], density, atol=1e-6)
 
 
 def test_an_absent_range_rate_changes_nothing() -> None:
     rng = np.random.default_rng(7)
-    bank, every = some_bank(rng, 3), np.arange(3)
+    bank = some_bank(rng, 3)
     plots = plots_of("range rate", rng, bank.mean[:2, 0].T)
     assert plots.range_rate is not None  # type: ignore[attr-defined]
     absent = plots.range_rate._replace(value_mps=np.full(3, np.nan))  # type: ignore[attr-defined]
-    without = plots._replace(range_rate=None)  # type: ignore[attr-defined]
-    both = [
-        innovations(p.rows(bank.mean, every), bank.mean, bank.covariance)
-        for p in (plots._replace(range_rate=absent), without)  # type: ignore[attr-defined]
-    ]
-    np.testing.assert_allclose(both[0].log_density, both[1].log_density, atol=1e-12)
-    for one, other in zip(*(found.corrections() for found in both), strict=True):
-        np.testing.assert_allclose(one, other, atol=1e-12)
+    one, other = (
+        pairs_of(plots._replace(range_rate=rate), bank)  # type: ignore[attr-defined]
+        for rate in (absent, None)
+    )
+    np.testing.assert_allclose(one.pairs.log_density, other.pairs.log_density, atol=1e-12)
+    for mine, want in zip(corrections(*one), corrections(*other), strict=True):
+        np.testing.assert_allclose(mine, want, atol=1e-12)
 
 
 def test_correcting_never_widens_and_favours_the_model_that_foretold_the_plot() -> None:
     bank = some_bank(np.random.default_rng(8), 5)
     plots = plots_of("polar", np.random.default_rng(9), bank.mean[:2, 0].T)
-    found = innovations(plots.rows(bank.mean, np.arange(5)), bank.mean, bank.covariance)
-    after = corrected(bank, found)
+    found = pairs_of(plots, bank)
+    after = corrected(bank, *found)
     less = np.moveaxis(bank.covariance - after.covariance, (0, 1), (-2, -1))
     assert np.linalg.eigvalsh(less).min() > -1e-6
-    assert np.array_equal(
-        after.model[0] > bank.model[0], found.log_density[0] > found.log_density[1]
-    )
+    density = found.pairs.log_density
+    assert np.array_equal(after.model[0] > bank.model[0], density[0] > density[1])
 
 
 def test_a_track_is_born_where_and_when_its_plot_is() -> None:

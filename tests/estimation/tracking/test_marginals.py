@@ -96,3 +96,32 @@ def test_a_knot_of_a_hundred_settles() -> None:
     taken = np.bincount(track, found.pair)
     np.testing.assert_allclose(taken + found.track_alone, 1.0, atol=1e-6)
     assert (np.bincount(plot, found.pair) < 1.01).all()
+
+
+def plainly(given: Candidates, passes: int) -> Array:
+    """Belief propagation as eqs 21-26 have it, every pair in every pass; marginals of the pairs."""
+    message = np.ones(len(given.weight))
+    for _ in range(passes):
+        claim = given.weight * message
+        on_track = np.bincount(given.track, claim, minlength=given.tracks)[given.track]
+        bid = given.weight / (1 + on_track - claim)
+        on_plot = np.bincount(given.plot, bid, minlength=given.plots)[given.plot]
+        message = 1 / (1 + on_plot - bid)
+    claim = given.weight * message
+    on_track = np.bincount(given.track, claim, minlength=given.tracks)[given.track]
+    return np.asarray(claim / (1 + on_track))
+
+
+@pytest.mark.parametrize("spread", [1.0, 4.0])
+def test_letting_settled_pairs_rest_changes_nothing_that_matters(spread: float) -> None:
+    """Two thousand tracks that all hang together, with faint pairs among them. Messages are good
+    to 1e-3 and faint pairs have weights up to that, a few on each track; hence 1e-2.
+    """
+    rng = np.random.default_rng(8)
+    track, plot = np.unique(rng.integers(0, 2000, (2, 8000)), axis=1)
+    weight = np.exp(rng.normal(0, spread, len(track)))
+    given = Candidates(track, plot, weight, 2000, 2000)
+    assert (weight < 1e-3).any() == (spread > 1)
+    found, want = by_belief(given).pair, plainly(given, 400)
+    np.testing.assert_allclose(found, want, atol=1e-2)
+    assert np.abs(found - want).mean() < 1e-4

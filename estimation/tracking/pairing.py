@@ -1,0 +1,147 @@
+"""Pairs of a track and a plot that may be one target, and what a plot would change in a track."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.arrays import Array, Indices
+from estimation.tracking.gating import near
+from estimation.tracking.imm import Bank
+from estimation.tracking.innovations import (
+    Foretold,
+    Innovations,
+    foretold,
+    innovations,
+    joined_innovations,
+    moved,
+)
+from estimation.tracking.measurements import Readings
+from estimation.tracking.scan import Scan
+
+_BATCH = 8_192  # pairs worked on together: their numbers stay in the cache
+
+
+class Paired(NamedTuple):
+    """k pairs within the gate, by track.
+
+    Attributes:
+        track, plot: (k,).
+        told: what the states of the innovations should give: of each track or, where plots have
+            instants of their own, several of a track.
+        owner: (states,) track of each state, ascending; None if tracks are the states.
+        innovations: of the pairs.
+    """
+
+    track: Indices
+    plot: Indices
+    told: Foretold
+    owner: Indices | None
+    innovations: Innovations
+
+    def take(self, which: Indices) -> Paired:
+        """The pairs `which`, in that order."""
+        some, found = (self.track[which], self.plot[which]), self.innovations.take(which)
+        return Paired(*some, self.told, self.owner, found)
+
+
+def paired(bank: Bank, scan: Scan, gate: float) -> Paired:
+    """Pairs whose plot lies within the ellipse of `gate` of either model of a track.
+
+    Args:
+        bank: predicted to the scan.
+        scan: one report.
+        gate: Mahalanobis distance squared.
+    """
+    readings = scan.plots.readings()
+    told = [_foretold(bank, scan, offset_s) for offset_s in _ends(readings.offset_s)]
+    track, plot = near(told, readings, gate)
+    if len(told) == 1:
+        kept, found = _within(readings, told[0], track, plot, gate)
+        return Paired(track[kept], plot[kept], told[0], None, found)
+    each = _foretold(bank.take(track), scan, readings.offset_s[plot])
+    kept, found = _within(readings, each, np.arange(len(track)), plot, gate)
+    return Paired(track[kept], plot[kept], each, track, found)
+
+
+def folded(bank: Bank, pairs: Paired, share: Array) -> tuple[Array, Array]:
+    """First two moments of each model over the hypotheses of its track: a miss, and the pairs.
+
+    Args:
+        share: (2, k) probability of each pair, given the track and the model.
+
+    Returns:
+        mean (4, 2, n), covariance (4, 4, 2, n).
+    """
+    mean, covariance = bank.mean.copy(), bank.covariance.copy()
+    for batch in _by_track(pairs.track):
+        some, given = pairs.take(batch), share[:, batch]
+        tracks = slice(some.track[0], some.track[-1] + 1)
+        shift, change = _moves(some, given, tracks)
+        mean[..., tracks] += shift
+        covariance[..., tracks] += change - shift[:, None] * shift
+    return mean, covariance
+
+
+def _by_track(track: Indices) -> list[Indices]:
+    """Rows of pairs in batches that part no track."""
+    begins = np.flatnonzero(np.diff(track, prepend=-1))
+    cuts = begins[np.searchsorted(begins, np.arange(0, len(track), _BATCH), side="right") - 1]
+    return np.split(np.arange(len(track)), np.unique(cuts)[1:]) if len(track) else []
+
+
+def _moves(pairs: Paired, share: Array, tracks: slice) -> tuple[Array, Array]:
+    """Mean shifts (4, 2, n) of a run of tracks, mean changes (4, 4, 2, n) about the old means."""
+    weight, inverse = pairs.innovations.weights()
+    state = pairs.innovations.state
+    states = tracks if pairs.owner is None else slice(state[0], state[-1] + 1)
+    sums = Sums(state - states.start, states.stop - states.start)
+    bent = sums.of((weight[:, None] * weight - inverse) * share)
+    shift, change = moved(pairs.told.push[..., states], sums.of(weight * share), bent)
+    if pairs.owner is None:
+        return shift, change
+    by_track = Sums(pairs.owner[states] - tracks.start, tracks.stop - tracks.start)
+    return by_track.of(shift), by_track.of(change)
+
+
+class Sums:
+    """Sums over what belongs to each of some owners, and comes by owner."""
+
+    def __init__(self, owner: Indices, owners: int) -> None:
+        self._owners = owners
+        self._begins = np.flatnonzero(np.diff(owner, prepend=-1))
+        self._owner = owner[self._begins]
+
+    def of(self, values: Array) -> Array:
+        """(..., k) to (..., owners)."""
+        total = np.zeros((*values.shape[:-1], self._owners))
+        if self._owner.size:
+            total[..., self._owner] = np.add.reduceat(values, self._begins, axis=-1)
+        return total
+
+
+def _ends(offset_s: Array) -> Array:
+    """The earliest and the latest instant; one if they are one."""
+    if not offset_s.size:
+        return np.zeros(1)
+    return np.unique([offset_s.min(), offset_s.max()])
+
+
+def _foretold(bank: Bank, scan: Scan, offset_s: Array | float) -> Foretold:
+    expected = scan.plots.expected(bank.mean, offset_s)
+    return foretold(expected, bank.mean, bank.covariance, scan.common)
+
+
+def _within(
+    readings: Readings, told: Foretold, state: Indices, plot: Indices, gate: float
+) -> tuple[Indices, Innovations]:
+    """Which of some pairs are within the gate, and their innovations."""
+    kept, found = [], []
+    for begin in range(0, max(len(state), 1), _BATCH):
+        batch = slice(begin, begin + _BATCH)
+        every = innovations(readings, told, state[batch], plot[batch])
+        inside = np.flatnonzero((every.distance_squared() <= gate).any(axis=0))
+        kept.append(begin + inside)
+        found.append(every.take(inside))
+    return np.concatenate(kept), joined_innovations(found)
