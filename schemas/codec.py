@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from functools import cache
 from typing import Any, TypeVar
 
@@ -51,26 +52,54 @@ def decode(message: type[T], payload: bytes, encoding: str = "") -> T:
     Raises:
         WireError: the field, what was got and what was expected.
     """
-    _require_size(message, payload)
-    try:
-        decoder = _decoder(message)
-        if "json" in encoding:
-            return msgspec.convert(restorer(message)(msgspec.json.decode(payload)), message)
-        return decoder.decode(payload)  # type: ignore[no-any-return]
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError, OverflowError) as error:
-        raise WireError(str(error), where=message.__name__) from None
+    return reader(message, "json" in encoding)(payload)  # type: ignore[no-any-return]
+
+
+@cache
+def reader(message: type[T], is_json: bool) -> Callable[[bytes], T]:
+    """What `decode` reads one kind of message with; for who reads many of a kind."""
+    most = most_bytes(message)
+    decode: Callable[[bytes], Any] = _decoder(message).decode
+    if is_json:
+        decode = _json_decoder(message)
+
+    def read(payload: bytes) -> T:
+        if len(payload) > most:
+            _require_size(message, payload)
+        try:
+            return decode(payload)  # type: ignore[no-any-return]
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError, OverflowError) as error:
+            raise WireError(str(error), where=message.__name__) from None
+
+    return read
+
+
+def most_bytes(message: type[msgspec.Struct]) -> int:
+    """What a message of this kind may have."""
+    return MAX_INPUT_BYTES if issubclass(message, Input) else MAX_PAYLOAD_BYTES
 
 
 def _require_size(message: type[msgspec.Struct], payload: bytes) -> None:
-    most = MAX_INPUT_BYTES if issubclass(message, Input) else MAX_PAYLOAD_BYTES
+    most = most_bytes(message)
     if len(payload) > most:
         raise WireError(
             f"{message.__name__} too large", got=len(payload), expected=f"<= {most} bytes"
         )
 
 
+def _json_decoder(message: type[T]) -> Callable[[bytes], T]:
+    _decoder(message)  # acquainted under its lock
+    restore = restorer(message)
+    return lambda payload: msgspec.convert(restore(msgspec.json.decode(payload)), message)
+
+
 @cache
 def _decoder(message: type[msgspec.Struct]) -> msgspec.msgpack.Decoder[Any]:
+    return acquainted(message)
+
+
+def acquainted(message: type[msgspec.Struct]) -> msgspec.msgpack.Decoder[Any]:
+    """A decoder of a type; nobody may make one in another way."""
     # While msgspec makes itself acquainted with a type, another thread that decodes to it crashes
     # the process (a NULL in the half-made description; seen with 0.22).
     with _ACQUAINTING:

@@ -7,6 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from statistics import median
 
 import numpy as np
 
@@ -14,15 +15,21 @@ from bench.figures import Figure, at_most, told
 from schemas import keys
 from schemas.bus.interface import Inbox, Sample
 from schemas.bus.limits import weigh
-from schemas.bus.zenoh_bus import open_bus
 from schemas.recording.reader import open_recording
 
 from .processes import await_ready, cpu_s, end, hub, publish, publisher, recorder, started
-from .samples import ENCODING, KEYS, LARGE_BYTES, RUN, SMALL_BYTES, payloads
+from .samples import ENCODING, KEYS, LARGE_BYTES, SMALL_BYTES, payloads
+from .subscriber import drain
 
 SETTLE_S = 1.0
 STATISTICS_BYTES = 4096
 DEADLINE_S = 60.0
+TURNS = 3
+LISTENERS = {
+    "plain": "a callback of Zenoh's that counts",
+    "ours": "a bare subscriber of ours",
+    "gathering": "a bare subscriber of ours that lets gather",
+}
 LOADS = ((SMALL_BYTES, 40_000.0, "40 k msg/s of 200 B"), (LARGE_BYTES, 25_000.0, "50 MB/s of 2 kB"))
 
 
@@ -36,9 +43,7 @@ def figures(folder: Path, seed: int, size: float) -> Iterator[Figure]:
         yield at_most(f"end to end, {name}: messages missing", lost, 0)
         yield told(f"end to end, {name}: published in", passed_s / seconds, "of its time")
         if length == SMALL_BYTES:
-            yield at_most(f"end to end, {name}: of a core", message_s * hz, 0.5)
-            bare_s = heard(length, round(hz * seconds), hz, seed)
-            yield told("a bare subscriber at that rate: of a core", bare_s * hz)
+            yield from shares(folder, [message_s * hz], round(hz * seconds), hz, seed)
     path, count = folder / "flat.mcap", round(200_000 * max(size, 0.1))
     _, passed_s = recorded(path, SMALL_BYTES, count, 0.0, seed)
     yield told("flat out, published", count / passed_s, "msg/s")
@@ -63,25 +68,37 @@ def recorded(path: Path, length: int, count: int, hz: float, seed: int) -> tuple
     return took_s / count, passed_s
 
 
-def heard(length: int, count: int, hz: float, seed: int) -> float:
+def shares(
+    folder: Path, of_recorder: list[float], count: int, hz: float, seed: int
+) -> Iterator[Figure]:
+    """What of a core the recorder takes, and in turn with it who only listens."""
+    listeners: dict[str, list[float]] = {"plain": [], "ours": [], "gathering": []}
+    for turn in range(TURNS):
+        if turn:
+            path = folder / f"turn{turn}.mcap"
+            of_recorder.append(hz * recorded(path, SMALL_BYTES, count, hz, seed)[0])
+        for kind, took in listeners.items():
+            took.append(hz * heard(kind, SMALL_BYTES, count, hz, seed))
+    name = "40 k msg/s of 200 B, of a core"
+    yield at_most(f"recorder at {name}: median of {TURNS}", median(of_recorder), 0.5)
+    yield told(f"recorder at {name}: least", min(of_recorder))
+    for kind, took in listeners.items():
+        yield told(f"{LISTENERS[kind]} at {name}: median of {TURNS}", median(took))
+        yield told(f"{LISTENERS[kind]} at {name}: least", min(took))
+
+
+def heard(kind: str, length: int, count: int, hz: float, seed: int) -> float:
     """Processor time of a process that only takes the samples, for one of them [s]."""
-    inbox: Inbox[Sample] = Inbox()
     with (
         hub() as endpoint,
         started(*publisher(endpoint, length, count, hz, seed)) as speaker,
-        open_bus(endpoint) as bus,
+        started("-m", "bench.recording.subscriber", endpoint, kind) as listener,
     ):
-        bus.subscribe(keys.everything(RUN), inbox)
         await_ready(speaker)
-        over = threading.Event()
-        thread = threading.Thread(target=_drain, args=(inbox, over))
-        thread.start()
-        before_s = time.process_time()
+        await_ready(listener)
+        before_s = cpu_s(listener)
         publish(speaker)
-        took_s = time.process_time() - before_s
-        over.set()
-        thread.join()
-    return took_s / count
+        return (cpu_s(listener) - before_s) / count
 
 
 def missing(path: Path, count: int) -> int:
@@ -94,10 +111,10 @@ def missing(path: Path, count: int) -> int:
 
 
 def hand_over_s(seed: int) -> float:
-    """Time of a callback at 99 %, while another thread empties the inbox as the recorder does."""
+    """Time to hand a sample over at 99 %, while a thread empties the inbox as the recorder does."""
     inbox: Inbox[Sample] = Inbox(256 * 1024 * 1024)
     over = threading.Event()
-    thread = threading.Thread(target=_drain, args=(inbox, over))
+    thread = threading.Thread(target=drain, args=(inbox, over))
     thread.start()
     times_s = []
     samples = [Sample(KEYS[n % 10], data, ENCODING) for n, data in enumerate(_data(seed))]
@@ -114,11 +131,6 @@ def hand_over_s(seed: int) -> float:
 
 def _data(seed: int) -> list[bytes]:
     return payloads(seed, SMALL_BYTES, 20_000)
-
-
-def _drain(inbox: Inbox[Sample], over: threading.Event) -> None:
-    while not over.is_set():
-        inbox.take(0.05)
 
 
 def _await_whole(path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from msgspec import Struct
 
-from schemas import codec, keys
+from schemas import keys
 from schemas.bus.interface import Sample
 from schemas.bus.ledger import StreamKey
 from schemas.bus.roster import Life
@@ -26,6 +26,7 @@ from schemas.messages import (
 )
 from schemas.received import receive
 from schemas.recording.writer import MAX_ENCODING_CHARS
+from schemas.shapes import Lane, Shapes
 
 from .closing import instant_ns, refusal
 from .lives import Door, Lives
@@ -68,9 +69,14 @@ class Screen:
         self._scenario, self._lives = scenario, lives
         self._forget = forget
         self._door = Door(lives, self._make_room)
-        self._admitted: dict[tuple[str, str], StreamKey] = {}
+        self._lanes: dict[tuple[str, str], Lane] = {}
+        self._shapes = Shapes()
         self._open: set[tuple[str, str]] = set()
         self._channels = dict.fromkeys(MAX_CHANNELS, 0)
+
+    def lane(self, key: str, encoding: str) -> Lane | None:
+        """Where the further messages of a stream that has been admitted are read."""
+        return self._lanes.get((key, encoding))
 
     def admit(self, address: keys.Address, sample: Sample) -> Screened:
         """The message of a sample.
@@ -78,11 +84,6 @@ class Screen:
         Raises:
             WireError: why it may not be recorded.
         """
-        stream = self._admitted.get((sample.key, sample.encoding))
-        if stream is not None:
-            again = _next_of(stream, codec.decode(address.topic.message, *sample[1:]))
-            if again is not None:
-                return Screened(address, again, stream, again.seq, again.t_ns)
         message = receive(sample).message
         if address.ids.get("centre", keys.FUSION) != keys.FUSION:
             raise WireError("of another fusion centre", got=address.ids["centre"])
@@ -92,8 +93,9 @@ class Screen:
         if reason:
             raise WireError(reason, where=sample.key)
         self._require_channel(address, stream, sample)
-        if is_input and Life(stream.process, stream.boot) in self._lives:
-            self._admitted[sample.key, sample.encoding] = stream
+        if isinstance(message, Input) and Life(stream.process, stream.boot) in self._lives:
+            lane = Lane(self._shapes, stream, type(message), sample.encoding)
+            self._lanes[sample.key, sample.encoding] = lane
         seq = getattr(message, "seq", 0) or getattr(message, "step", 0)
         is_status = address.topic.role is keys.Role.STATUS
         return Screened(
@@ -101,7 +103,7 @@ class Screen:
         )
 
     def _make_room(self, stream: StreamKey) -> None:
-        self._admitted.clear()
+        self._lanes.clear()
         self._forget(stream)
 
     def _is_of_another_run(self, message: Struct) -> str:
@@ -136,19 +138,6 @@ class Screen:
             raise WireError(f"more than {MAX_CHANNELS[kind]} keys and encodings of one kind")
         self._channels[kind] += 1
         self._open.add(channel)
-
-
-def _next_of(stream: StreamKey, message: Struct) -> Input | None:
-    """A message as one of a stream that has been admitted, whose key says the same; or None."""
-    if (
-        isinstance(message, Input)
-        and message.seq
-        and message.boot == stream.boot
-        and message.stream == stream.stream
-        and message.carrier == stream.process
-    ):
-        return message
-    return None
 
 
 def stream_key(address: keys.Address, message: Struct) -> StreamKey:

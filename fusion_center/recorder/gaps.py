@@ -60,6 +60,10 @@ class Gaps:
         """Know nothing of a stream any more."""
         self._ledger.forget(stream)
 
+    def goes_on(self, stream: StreamKey, seq: int) -> bool:
+        """Account for a message that has nothing missing before it, as nearly none has."""
+        return self._ledger.goes_on(stream, seq)
+
     def is_repeated(self, stream: StreamKey, seq: int, key: str) -> bool:
         """Account for a message; whether it has been here.
 

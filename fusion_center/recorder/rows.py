@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from schemas import keys
+from schemas.bus.interface import Inbox, Sample
 from schemas.bus.key_expressions import chunks_of, intersects
 from schemas.bus.ledger import StreamKey
 from schemas.errors import CrossfixError, WireError
@@ -91,6 +92,19 @@ class Row:
             repeated=self.repeated,
             passed_over=self.passed_over,
         )
+
+
+class Queue(Inbox[Sample]):
+    """An inbox that knows of which keys it has dropped samples."""
+
+    def __init__(self, max_bytes: int, gather_s: float = 0.0) -> None:
+        super().__init__(max_bytes, gather_s)
+        self.dropped: Counter[str] = Counter()
+
+    def on_drop(self, item: Sample) -> None:
+        """Count it."""
+        known = item.key in self.dropped or len(self.dropped) < MAX_ROWS
+        self.dropped[item.key if known else OTHERS] += 1
 
 
 class Rows:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from queue import SimpleQueue
 from types import TracebackType
 
 from schemas import keys
-from schemas.bus.interface import Inbox, Sample
+from schemas.bus.interface import Sample
 from schemas.bus.ledger import StreamKey
 from schemas.bus.member import Member
 from schemas.bus.recovery import Gap
@@ -31,33 +30,19 @@ from ..process.lives import Lives
 from ..process.screening import Screen, Screened, Source, source_of
 from .commands import Commands
 from .gaps import Gaps
-from .rows import EVERYTHING, MAX_ROWS, OTHERS, Row, Rows, Wanted
+from .rows import EVERYTHING, Queue, Row, Rows, Wanted
 from .sink import Sink
 
 log = logging.getLogger("recorder")
 
-PUMP_S = 0.05
-GATHER_S = 0.005
-"""Samples are let gather for so long: to wake for each would cost more than to write it."""
+PUMP_S = 0.02
+GATHER_S = 0.01
 MIND_S = 0.02
 STATISTICS_S = 1.0
 QUEUE_BYTES = 256 * 1024 * 1024
 HOLD_BACK_BYTES = 16 * 1024 * 1024
 """A queue longer than this holds back the acknowledgement of the fusion centre."""
 FINISH_S = 10.0
-
-
-class Queue(Inbox[Sample]):
-    """An inbox that knows of which keys it has dropped samples."""
-
-    def __init__(self, max_bytes: int) -> None:
-        super().__init__(max_bytes)
-        self.dropped: Counter[str] = Counter()
-
-    def on_drop(self, item: Sample) -> None:
-        """Count it."""
-        known = item.key in self.dropped or len(self.dropped) < MAX_ROWS
-        self.dropped[item.key if known else OTHERS] += 1
 
 
 class Recorder:
@@ -86,7 +71,7 @@ class Recorder:
         wanted: Wanted = EVERYTHING,
     ) -> None:
         self._member, self._writer = member, writer
-        self._inbox = Queue(QUEUE_BYTES)
+        self._inbox = Queue(QUEUE_BYTES, GATHER_S)
         self.lives = Lives(carrier.name for carrier in scenario.carriers) if scenario else Lives()
         self.paused = self.ended = False
         self.step = 0
@@ -200,12 +185,9 @@ class Recorder:
             samples = self._inbox.take(PUMP_S)
             if not self._has_steps:
                 self._clock_ns = max(self._clock_ns, time.time_ns())
-            for sample in samples:
-                self._record(sample)
+            self._record(samples)
             if time.monotonic() - self._minded_s >= MIND_S or self._finish_by_s < float("inf"):
                 self._mind()
-            if samples:
-                time.sleep(GATHER_S)
         self._mind()
         self._gaps.conclude()
         self._watched(lambda: self._writer.close(self._end()))
@@ -236,15 +218,62 @@ class Recorder:
         self._rows.lose(self._writer.unwritten)
         log.error("recording ended early: %s", error)
 
-    def _record(self, sample: Sample) -> None:
-        """Write one sample; what cannot be recorded is counted with its reason."""
-        self._taken += 1
-        row = self._rows.row(sample.key)
-        row.received += 1
-        if self._error is not None:
-            row.dropped += 1
-            self._unwritten += 1
-            return
+    def _record(self, samples: Iterable[Sample]) -> None:
+        """Write samples; what cannot be recorded is counted with its reason."""
+        row_of, goes_on = self._rows.row, self._goes_on
+        for sample in samples:
+            self._taken += 1
+            row = row_of(sample[0])
+            row.received += 1
+            try:
+                if self._error is not None:
+                    row.dropped += 1
+                    self._unwritten += 1
+                elif goes_on(sample):
+                    row.recorded += 1
+                else:
+                    self._examine(row, sample)
+            except WireError as error:
+                self._refuse(row, source_of(keys.parse(sample.key)), error)
+            except RecordingError as error:
+                row.dropped += 1
+                self._unwritten += 1
+                self._fail(error)
+
+    def _goes_on(self, sample: Sample) -> bool:
+        """Write a message that is the next of a stream admitted, as nearly all are; if it is one.
+
+        Raises:
+            WireError: it cannot be written.
+            RecordingError: the disk fails.
+        """
+        key, payload, encoding = sample
+        lane = self._screen.lane(key, encoding)
+        if lane is None or self.paused:
+            return False
+        try:
+            message = lane.next(payload)
+        except WireError:
+            return False
+        if message is None or not self._gaps.goes_on(lane.stream, message.seq):
+            return False
+        self._writer.write(
+            key,
+            payload,
+            encoding,
+            log_time_ns=self._clock_ns,
+            publish_time_ns=message.t_ns,
+            sequence=message.seq,
+        )
+        return True
+
+    def _examine(self, row: Row, sample: Sample) -> None:
+        """Write a message of any kind, if it may be recorded and is not here already.
+
+        Raises:
+            WireError: it may not be recorded.
+            RecordingError: the disk fails.
+        """
         try:
             address = row.address or keys.parse(sample.key)
         except WireError as error:
@@ -254,14 +283,7 @@ class Recorder:
             row.passed_over += 1
             self._passed_over += 1
             return
-        try:
-            self._write(row, sample, self._screen.admit(address, sample))
-        except WireError as error:
-            self._refuse(row, source_of(address), error)
-        except RecordingError as error:
-            row.dropped += 1
-            self._unwritten += 1
-            self._fail(error)
+        self._write(row, sample, self._screen.admit(address, sample))
 
     def _refuse(self, row: Row, source: Source, error: WireError) -> None:
         row.rejected += 1

@@ -74,6 +74,14 @@ class Ledger:
         stream.accounted.add(seq, seq)
         return Seen.NEW
 
+    def goes_on(self, key: StreamKey, seq: int) -> bool:
+        """Account for a message if it is the one after all of its stream, as nearly always is.
+
+        What this does not account for is to be noted.
+        """
+        stream = self._streams.get(key)
+        return stream is not None and stream.accounted.extend(seq)
+
     def is_absurd(self, key: StreamKey, seq: int) -> bool:
         """Whether a seq is so far from all others of its stream that it cannot be meant."""
         highest = self.highest(key)

@@ -53,6 +53,13 @@ class Spans:
             last = max(last, self._lasts[end - 1])
         self._firsts[start:end], self._lasts[start:end] = [first], [last]
 
+    def extend(self, number: int) -> bool:
+        """Put a number in if it is the one after the greatest; whether it is."""
+        if not self._lasts or self._lasts[-1] + 1 != number:
+            return False
+        self._lasts[-1] = number
+        return True
+
     def discard(self, first: int, last: int) -> None:
         """Take first .. last out, as far as they are in."""
         start, end = bisect_left(self._lasts, first), bisect_right(self._firsts, last)

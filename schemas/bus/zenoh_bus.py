@@ -289,21 +289,26 @@ def _encoding(text: str) -> zenoh.Encoding:
     return zenoh.Encoding(text)
 
 
-def _batches(channel: _Channel[T]) -> Iterator[list[T]]:
-    """What has arrived, whenever there is something, until the session ends."""
+def _batches(channel: _Channel[T], gather_s: float = 0.0) -> Iterator[list[T]]:
+    """What has arrived, whenever there is something, until the session ends.
+
+    Args:
+        gather_s: what comes next may gather for so long.
+    """
     with suppress(zenoh.ZError):
         while True:
             batch = [channel.recv()]
             while len(batch) < BATCH_SAMPLES and (item := channel.try_recv()) is not None:
                 batch.append(item)
             yield batch
+            if gather_s and len(batch) < BATCH_SAMPLES:
+                time.sleep(gather_s)
 
 
 def _fill(subscriber: _Channel[zenoh.Sample], inbox: Inbox[Sample]) -> None:
-    for batch in _batches(subscriber):
-        for arrived in batch:
-            sample = _sample(arrived)
-            inbox.put(sample, weigh(sample.key, sample.payload))
+    for batch in _batches(subscriber, inbox.gather_s):
+        samples = [_sample(arrived) for arrived in batch]
+        inbox.put_all(samples, [weigh(sample.key, sample.payload) for sample in samples])
 
 
 def _answer(queryable: _Channel[zenoh.Query], handler: Handler) -> None:

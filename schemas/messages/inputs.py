@@ -7,6 +7,7 @@ from operator import attrgetter
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
+from msgspec.structs import astuple
 
 from .values import (
     Angle,
@@ -256,20 +257,37 @@ class SourceReport(Input, frozen=True, kw_only=True, omit_defaults=True):
         return next((len(column) for column in _columns(self) if column is not None), 0)
 
     def __post_init__(self) -> None:
-        lengths = {len(column) for column in _columns(self) if column is not None}
-        count = max(lengths, default=0)
-        if count > MAX_LOGS:
-            raise ValueError(f"got {count} logs, expected at most {MAX_LOGS}: send several reports")
-        if len(lengths) > 1:
-            count = len(self)
-            for name, column in zip(COLUMNS, _columns(self), strict=True):
-                _require_length(name, column, count)
+        if not self._is_even():
+            self._require_lengths()
+        for triangle in self.covariance_polar or ():
+            require_covariance("covariance_polar", triangle, (2, 3))
+        for triangle in self.covariance_position or ():
+            require_covariance("covariance_position", triangle, (2, 3))
+        for triangle in self.covariance_velocity or ():
+            require_covariance("covariance_velocity", triangle, (2, 3))
+
+    def _is_even(self) -> bool:
+        """Whether all columns are clearly of one length, without features.
+
+        Every message that comes is looked at: a loop over the columns took as long as decoding.
+        """
+        values = astuple(self)[_FIRST_COLUMN:]
+        filled = tuple(filter(None, values))
+        if self.features or len(filled) + values.count(None) != len(values) - 1:
+            return False
+        return not filled or (len(set(map(len, filled))) == 1 and len(filled[0]) <= MAX_LOGS)
+
+    def _require_lengths(self) -> None:
+        columns = _columns(self)
+        most = max((len(column) for column in columns if column is not None), default=0)
+        if most > MAX_LOGS:
+            raise ValueError(f"got {most} logs, expected at most {MAX_LOGS}: send several reports")
+        count = len(self)
+        for name, column in zip(COLUMNS, columns, strict=True):
+            _require_length(name, column, count)
         for name, feature in self.features.items():
             _require_length(f"features.{name}.values", feature.values, count)
             _require_length(f"features.{name}.sigmas", feature.sigmas, count)
-        for name in ("covariance_polar", "covariance_position", "covariance_velocity"):
-            for triangle in getattr(self, name) or ():
-                require_covariance(name, triangle, (2, 3))
 
 
 COLUMNS = tuple(
@@ -279,6 +297,8 @@ COLUMNS = tuple(
 )
 """Every column of a report, in the order of the message."""
 _columns = attrgetter(*COLUMNS)
+_FIRST_COLUMN = SourceReport.__struct_fields__.index(COLUMNS[0])
+"""From here on all fields are columns, but for the features."""
 
 
 def _require_length(name: str, column: Sequence[object] | None, count: int) -> None:

@@ -91,7 +91,7 @@ class RecordingWriter:
         self._max_loss_s = max_loss_s
         self._flushed_s = float("-inf")
         self._clock_ns = 0
-        self._received = self._recorded = self._dropped = 0
+        self._recorded = self._dropped = 0
         self._pending: Counter[int] = Counter()
         self._chunks = 0
         self._dirty = self._sealed = False
@@ -110,7 +110,8 @@ class RecordingWriter:
     @property
     def counts(self) -> Counts:
         """As of now."""
-        return Counts(self._received, self._recorded, self._dropped, self._file.offset)
+        received = self._recorded + self._dropped
+        return Counts(received, self._recorded, self._dropped, self._file.offset)
 
     def write(
         self,
@@ -138,11 +139,9 @@ class RecordingWriter:
         if not (0 <= publish_time_ns <= _UINT64 and log_time_ns <= _UINT64):
             raise WireError("stamp out of bounds", where=key, got=(log_time_ns, publish_time_ns))
         if self.error is not None:
-            self._received += 1
             self._dropped += 1
             return
         channel = self._channels.get((key, encoding)) or self._register(key, encoding)
-        self._received += 1
         self._recorded += 1
         self._pending[channel] += 1
         self._add(channel, log_time_ns, payload, publish_time_ns, sequence)
@@ -344,7 +343,7 @@ class RecordingWriter:
     def _end(self, reason: str) -> RunEnd:
         return RunEnd(
             reason=reason[:1024],
-            received=self._received,
+            received=self.counts.received,
             recorded=self._recorded,
             dropped=self._dropped,
             gaps=self._gaps,

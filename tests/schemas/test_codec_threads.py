@@ -31,6 +31,7 @@ def test_threads_that_meet_a_message_for_the_first_time_take_turns(
         return real(message)
 
     monkeypatch.setattr(msgspec.msgpack, "Decoder", slow)
+    codec.reader.cache_clear()
     codec._decoder.cache_clear()
     kinds = [Ack, Navigation, ProcessState, Ranging, SourceInfo, Step] * THREADS_A_MESSAGE
     together = threading.Barrier(len(kinds))

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import msgpack
 import pytest
 
 from crossfix.commands.info import lost_by_key
@@ -32,6 +33,7 @@ from schemas.messages import (
     Statistics,
     Step,
 )
+from schemas.qos import DATA
 from schemas.recording.parts import Limits, Safety
 from schemas.recording.reader import open_recording, summary
 from tests.bad_input.test_flood import SCENARIO
@@ -350,3 +352,34 @@ def test_what_there_was_no_time_for_is_counted(
     with open_recording(path) as found:
         assert found.end is not None
         assert found.end.gaps == 7
+
+
+def test_a_stream_that_goes_on_is_recorded_once_and_only_what_is_valid(
+    network: MemoryNetwork, path: Path
+) -> None:
+    """Whatever order a stream of a member comes in, each seq is there once: the first valid one."""
+    key = keys.REPORT.key(RUN, "alpha", "radar")
+
+    def said(seq: int, **fields: Any) -> bytes:
+        report = {"carrier": "alpha", "boot": "a", "stream": "radar", "seq": seq, "t_ns": seq}
+        return bytes(msgpack.packb(report | {"bearing_rad": [0.5]} | fields))
+
+    with (
+        recording(network, path) as alone,
+        alone.bus.announce(keys.alive(RUN, "alpha", "a")),
+    ):
+        alone.until(lambda: alone.alone.recorder.lives.has("alpha"))
+        spoken = [said(seq) for seq in (1, 2, 3, 3, 5, 4, 6)]
+        spoken += [said(7, bearing_rad=[99.0]), said(7, boot="b"), said(7), said(2), said(8)]
+        for payload in spoken:
+            alone.bus.publish(key, payload, codec.encoding_of(SourceReport), DATA)
+        alone.until(lambda: alone.received("report") == len(spoken))
+        alone.end()
+    with open_recording(path) as recording_:
+        found = list(recording_.messages(topics=(keys.REPORT,)))
+        assert recording_.end is not None
+        end = recording_.end
+    kept = [m for m in found if b"\xa4boot\xa1a" in m.payload]
+    assert [m.sequence for m in kept] == [1, 2, 3, 5, 4, 6, 7, 8]
+    assert [m.payload for m in kept] == [spoken[n] for n in (0, 1, 2, 4, 5, 6, 9, 11)]
+    assert (end.rejected, end.recorded, len(found)) == (1, end.received - 3, 9)

@@ -7,7 +7,7 @@ import sys
 import textwrap
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import pytest
 
@@ -241,3 +241,26 @@ def test_tests_and_interface_do_not_import_zenoh() -> None:
     """
     with program(text):
         pass
+
+
+class Counted(Inbox[Sample]):
+    """An inbox that counts how often it is woken."""
+
+    woken = 0
+
+    def put_all(self, items: Sequence[Sample], sizes: Sequence[int]) -> None:
+        self.woken += 1
+        super().put_all(items, sizes)
+
+
+def test_what_may_gather_wakes_the_reader_seldom_and_comes_whole(own_hub: HubProcess) -> None:
+    with open_bus(own_hub.endpoint) as sender, open_bus(own_hub.endpoint) as receiver:
+        gathered, single = Counted(gather_s=0.1), Counted()
+        receiver.subscribe("gather", gathered)
+        receiver.subscribe("gather", single)
+        for number in range(100):
+            sender.publish("gather", str(number).encode(), "", DATA)
+            time.sleep(0.001)
+        assert [int(s.payload) for s in take(gathered, 100)] == list(range(100))
+        assert len(take(single, 100)) == 100
+    assert 3 * gathered.woken < single.woken
