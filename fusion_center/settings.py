@@ -89,10 +89,12 @@ class PictureSettings(Struct, frozen=True, kw_only=True):
     gate: Annotated[
         float, _positive("Mahalanobis distance squared beyond which a plot is of no track", 1e4)
     ] = 20.0
-    quiet_m2ps3: Annotated[
-        float, _positive("spectral density of the acceleration of a target that goes straight", 1e6)
-    ] = 0.05
-    manoeuvring_m2ps3: Annotated[float, _positive("the same of a target that manoeuvres", 1e6)] = (
+    steady_m2ps3: Annotated[
+        float, _positive("spectral density of the acceleration of a target on rails or moored", 1e6)
+    ] = 1e-4
+    quiet_m2ps3: Annotated[float, _positive("the same of one that goes straight", 1e6)] = 0.02
+    turning_m2ps3: Annotated[float, _positive("the same of a ship that turns", 1e6)] = 2.0
+    manoeuvring_m2ps3: Annotated[float, _positive("the same of whatever manoeuvres hard", 1e6)] = (
         20.0
     )
     sigma_speed_mps: Annotated[float, _positive("per axis, of a target just found", 1e5)] = 50.0

@@ -58,7 +58,7 @@ class Pairs(NamedTuple):
     Attributes:
         ends: the pairs, and what is between their tracks and plots.
         likelihood: (k,) density of the plot, features included, given the track.
-        model: (2, k) models after the plot.
+        model: (models, k) after the plot.
         classes: (classes, k) classes after the plot.
     """
 
@@ -78,10 +78,10 @@ class Pairs(NamedTuple):
         return self.ends.plot
 
 
-def none(classes: int, layout: Layout) -> Tracks:
+def none(classes: int, layout: Layout, models: int = 2) -> Tracks:
     """No tracks."""
     nobody, known = np.empty(0, dtype=np.intp), features.unknown(layout, 0)
-    return Tracks(nobody, np.empty(0), imm.empty(), np.empty((classes, 0)), known)
+    return Tracks(nobody, np.empty(0), imm.empty(models), np.empty((classes, 0)), known)
 
 
 def joined(first: Tracks, second: Tracks) -> Tracks:

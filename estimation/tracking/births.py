@@ -47,7 +47,8 @@ def alone(
     found = scan.plots.found()
     if found is None:
         clutter = np.full(scan.plots.size, scan.clutter)
-        return Alone(clutter, bernoulli.none(len(classes), layout), expected)
+        nobody = bernoulli.none(len(classes), layout, motion.models)
+        return Alone(clutter, nobody, expected)
     visible = scan.view.holds(undetected.centres(expected.region))
     look = Look(visible, scan.detection, found.place_m, scan.clutter)
     expected = undetected.first_looked(expected, look)

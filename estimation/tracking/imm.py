@@ -1,18 +1,18 @@
-"""A bank of two-model filters: every track at once, arrays with the track as the last axis.
+"""A bank of filters of a few models each: all tracks at once, the track as the last axis.
 
-A state is (east, north, east rate, north rate) in the picture frame. Both models move with
-constant velocity under white acceleration noise, faint for straight motion and strong for
-manoeuvres; the probability that a target manoeuvres is carried along (interacting multiple
-models). Arrays are (4, 2, n): component, model, track; numpy then works on long rows, and what
+A state is (east, north, east rate, north rate) in the picture frame. All models move with constant
+velocity under white acceleration noise, faint for straight motion and strong for manoeuvres; the
+probability of each is carried along (interacting multiple models).
+Arrays are (4, models, n): component, model, track; numpy then works on long rows, and what
 differs between one target and a hundred thousand is the length of the rows.
 """
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import expm
 
 from estimation.arrays import Array, Indices
 
@@ -20,28 +20,47 @@ _PLACE, _RATE = slice(0, 2), slice(2, 4)
 
 
 class Motion(NamedTuple):
-    """How targets are expected to move.
+    """How targets are expected to move: in one of several ways, the quietest first.
 
     Attributes:
-        quiet, manoeuvring: spectral density [m^2/s^3] of each component of the white acceleration.
-        quiet_s, manoeuvring_s: mean time [s] a target stays in that way of moving.
+        noise: (models,) spectral density [m^2/s^3] of each component of the white acceleration.
+        louder_s: (models - 1,) mean time [s] until a target moves in the next louder way.
+        quieter_s: (models - 1,) mean time until one that does falls back.
         sigma_speed_mps: one sigma of each velocity component of a target just found.
     """
 
-    quiet: float = 1.0
-    manoeuvring: float = 100.0
-    quiet_s: float = 60.0
-    manoeuvring_s: float = 10.0
+    noise: tuple[float, ...] = (1.0, 100.0)
+    louder_s: tuple[float, ...] = (60.0,)
+    quieter_s: tuple[float, ...] = (10.0,)
     sigma_speed_mps: float = 150.0
+
+    @property
+    def models(self) -> int:
+        """Number of them."""
+        return len(self.noise)
+
+    def steady(self) -> Array:
+        """(models,) share of the targets that move so, in the long run."""
+        ratio = np.divide(self.quieter_s, self.louder_s)
+        share = np.cumprod(np.append(1.0, ratio))
+        steady: Array = share / share.sum()
+        return steady
+
+    def change(self, dt_s: float) -> Array:
+        """(models, models) probability that a target of one model is of another `dt_s` later."""
+        louder, quieter = np.divide(1.0, self.louder_s), np.divide(1.0, self.quieter_s)
+        rate = np.diag(louder, 1) + np.diag(quieter, -1)
+        change: Array = expm((rate - np.diag(rate.sum(axis=1))) * dt_s)
+        return change
 
 
 class Bank(NamedTuple):
-    """States of n tracks under two models; never changed in place.
+    """States of n tracks under each of the models; never changed in place.
 
     Attributes:
-        mean: (4, 2, n) [m, m/s].
-        covariance: (4, 4, 2, n).
-        model: (2, n) probability of each model, columns sum to 1.
+        mean: (4, models, n) [m, m/s].
+        covariance: (4, 4, models, n).
+        model: (models, n) probability of each model, columns sum to 1.
     """
 
     mean: Array
@@ -53,9 +72,9 @@ class Bank(NamedTuple):
         return Bank(*(np.take(part, which, axis=-1) for part in self))
 
 
-def empty() -> Bank:
+def empty(models: int = 2) -> Bank:
     """No tracks."""
-    return Bank(np.zeros((4, 2, 0)), np.zeros((4, 4, 2, 0)), np.zeros((2, 0)))
+    return Bank(np.zeros((4, models, 0)), np.zeros((4, 4, models, 0)), np.zeros((models, 0)))
 
 
 def joined(first: Bank, second: Bank) -> Bank:
@@ -69,8 +88,8 @@ def born(place_m: Array, covariance_m2: Array, offset_s: Array, motion: Motion) 
 
     The places hold `offset_s` (n,) after the instant of the bank.
     """
-    n = place_m.shape[-1]
-    mean, covariance = np.zeros((4, 2, n)), np.zeros((4, 4, 2, n))
+    n, models = place_m.shape[-1], motion.models
+    mean, covariance = np.zeros((4, models, n)), np.zeros((4, 4, models, n))
     mean[_PLACE] = place_m[:, None]
     covariance[_PLACE, _PLACE] = covariance_m2[:, :, None]
     variance = motion.sigma_speed_mps**2
@@ -78,9 +97,7 @@ def born(place_m: Array, covariance_m2: Array, offset_s: Array, motion: Motion) 
         covariance[k + 2, k + 2] = variance
         covariance[k, k] += variance * offset_s**2
         covariance[k, k + 2] = covariance[k + 2, k] = -variance * offset_s
-    steady = motion.quiet_s / (motion.quiet_s + motion.manoeuvring_s)
-    model = np.repeat([[steady], [1.0 - steady]], n, axis=-1)
-    return Bank(mean, covariance, model)
+    return Bank(mean, covariance, np.repeat(motion.steady()[:, None], n, axis=-1))
 
 
 def predicted(bank: Bank, dt_s: float, motion: Motion) -> Bank:
@@ -99,24 +116,22 @@ def combined(bank: Bank) -> tuple[Array, Array]:
 
 def _interacted(bank: Bank, dt_s: float, motion: Motion) -> Bank:
     """Each model restarted from the mixture that a change of model since the last time implies."""
-    leave = [-math.expm1(-dt_s / motion.quiet_s), -math.expm1(-dt_s / motion.manoeuvring_s)]
-    change = np.array([[1.0 - leave[0], leave[0]], [leave[1], 1.0 - leave[1]]])
-    joint = change[:, :, None] * bank.model[:, None]  # was i, is now j
+    joint = motion.change(dt_s)[:, :, None] * bank.model[:, None]  # was i, is now j
     model = joint.sum(axis=0)
     given = joint / np.maximum(model, 1e-300)
-    mixed = [_mixed(bank, given[:, j]) for j in (0, 1)]
+    mixed = [_mixed(bank, given[:, j]) for j in range(motion.models)]
     mean = np.stack([part[0] for part in mixed], axis=1)
     covariance = np.stack([part[1] for part in mixed], axis=2)
     return Bank(mean, covariance, model)
 
 
 def _mixed(bank: Bank, share: Array) -> tuple[Array, Array]:
-    """First two moments of the mixture of the two models with shares (2, n)."""
-    apart = bank.mean[:, 1] - bank.mean[:, 0]
-    mean = bank.mean[:, 0] + share[1] * apart
-    spread = (apart[:, None] * apart) * (share[0] * share[1])
-    each = bank.covariance
-    covariance = each[:, :, 0] * share[0] + each[:, :, 1] * share[1] + spread
+    """First two moments of the mixture of the models with shares (models, n)."""
+    mean = (bank.mean * share).sum(axis=1)
+    covariance = (bank.covariance * share).sum(axis=2)
+    for model, weight in enumerate(share):
+        apart = bank.mean[:, model] - mean
+        covariance += (apart[:, None] * apart) * weight
     return mean, covariance
 
 
@@ -126,7 +141,7 @@ def _moved(bank: Bank, dt_s: float, motion: Motion) -> Bank:
     mean[_PLACE] += dt_s * mean[_RATE]
     covariance[_PLACE] += dt_s * covariance[_RATE]
     covariance[:, _PLACE] += dt_s * covariance[:, _RATE]
-    noise = np.array([motion.quiet, motion.manoeuvring])[:, None]
+    noise = np.asarray(motion.noise, dtype=float)[:, None]
     for k in (0, 1):
         covariance[k, k] += noise * (dt_s**3 / 3)
         covariance[k, k + 2] += noise * (dt_s**2 / 2)

@@ -34,10 +34,10 @@ class Foretold(NamedTuple):
     """What n states should give a sensor, under each model.
 
     Attributes:
-        value: (rows, 2, n).
-        spread: (rows, rows, 2, n) covariance of what is foretold, the common error included.
-        push: (rows, 4, 2, n) covariance of the state with it.
-        rate: (rows, 2, n) of the value by time.
+        value: (rows, models, n).
+        spread: (rows, rows, models, n) covariance of what is foretold, the common error included.
+        push: (rows, 4, models, n) covariance of the state with it.
+        rate: (rows, models, n) of the value by time.
     """
 
     value: Array
@@ -51,9 +51,9 @@ class Innovations(NamedTuple):
 
     Attributes:
         state: (k,) rows of what was foretold.
-        residual, variance: (rows, 2, k) of the independent innovations.
-        mixing: (rows, rows - 1, 2, k) by what of the residuals before it each is less; 0 elsewhere.
-        log_density: (2, k) logarithm of the density of the plot given the track.
+        residual, variance: (rows, models, k) of the independent innovations.
+        mixing: (rows, rows - 1, models, k) by what of the residuals before it each is less, or 0.
+        log_density: (models, k) logarithm of the density of the plot given the track.
     """
 
     state: Indices
@@ -63,7 +63,7 @@ class Innovations(NamedTuple):
     log_density: Array
 
     def distance_squared(self) -> Array:
-        """Mahalanobis distances squared (2, k), chi-squared of as many degrees as rows."""
+        """Mahalanobis distances squared (models, k), chi-squared of as many degrees as rows."""
         squared: Array = (self.residual**2 / self.variance).sum(axis=0)
         return squared
 
@@ -72,7 +72,7 @@ class Innovations(NamedTuple):
         return Innovations(self.state[which], *(np.take(part, which, axis=-1) for part in self[1:]))
 
     def weights(self) -> tuple[Array, Array]:
-        """Of residuals r with covariance S: inv(S) r (rows, 2, k), inv(S) (rows, rows, 2, k)."""
+        """Of residuals r with covariance S: inv(S) r as r, inv(S) (rows, rows, models, k)."""
         inverse = np.zeros((len(self.residual), *self.residual.shape))
         weight = self.residual / self.variance
         for row in range(len(weight)):
@@ -88,7 +88,7 @@ class Innovations(NamedTuple):
 def foretold(
     expected: Expected, mean: Array, covariance: Array, common: Common | None = None
 ) -> Foretold:
-    """What states (4, 2, n) with covariances (4, 4, 2, n) should give, and how surely.
+    """What states (4, models, n) with covariances (4, 4, models, n) should give, and how surely.
 
     Args:
         common: error shared by the plots; here it widens every pair by itself.
@@ -108,7 +108,7 @@ def foretold(
 
 
 def _shared(gradient: Array, mean: Array, common: Common) -> Array:
-    """Covariance (rows, rows, 2, n) of the readings by the common error."""
+    """Covariance (rows, rows, models, n) of the readings by the common error."""
     east, north = mean[:2] - common.pivot_m[:, None, None]
     turn = gradient[:, 0] * north - gradient[:, 1] * east
     shared = np.stack([gradient[:, 0], gradient[:, 1], turn])
@@ -118,7 +118,7 @@ def _shared(gradient: Array, mean: Array, common: Common) -> Array:
 
 def innovations(readings: Readings, told: Foretold, state: Indices, plot: Indices) -> Innovations:
     """Independent innovations of pairs (k,) of states and plots."""
-    rows, shape = len(readings.value), (2, len(state))
+    rows, shape = len(readings.value), (told.value.shape[1], len(state))
     residual, variance = np.empty((rows, *shape)), np.empty((rows, *shape))
     mixing, density = np.zeros((rows, max(rows - 1, 0), *shape)), np.zeros(shape)
     for row in range(rows):
@@ -143,13 +143,13 @@ def joined_innovations(parts: list[Innovations]) -> Innovations:
 
 
 def corrections(told: Foretold, found: Innovations) -> tuple[Array, Array]:
-    """Change of the mean (4, 2, k) and decrease of the covariance (4, 4, 2, k) by each pair."""
+    """Change of mean (4, models, k) and decrease of covariance (4, 4, models, k) by each pair."""
     weight, inverse = found.weights()
     return moved(np.take(told.push, found.state, axis=-1), weight, inverse)
 
 
 def moved(push: Array, weight: Array, inverse: Array) -> tuple[Array, Array]:
-    """Pushes (rows, 4, 2, n) times weights (rows, 2, n), and times matrices, on both sides."""
+    """Pushes (rows, 4, models, n) times weights (rows, models, n); matrices pushed both ways."""
     shift = np.zeros(push.shape[1:])
     change = np.zeros((4, *shift.shape))
     for row, along in enumerate(push):
@@ -170,7 +170,7 @@ def corrected(bank: Bank, told: Foretold, found: Innovations) -> Bank:
 def _raw(
     readings: Readings, told: Foretold, row: int, state: Indices, plot: Indices
 ) -> tuple[Array, list[Array]]:
-    """Residuals (2, k) of a row and their covariances with those up to it; inf if it is not there.
+    """Residuals (models, k) of a row, covariances with those up to it; inf if it is not there.
 
     An instant known to a sigma displaces the target by its velocity times that.
     """

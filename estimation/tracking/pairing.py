@@ -69,10 +69,10 @@ def folded(bank: Bank, pairs: Paired, share: Array) -> tuple[Array, Array]:
     """First two moments of each model over the hypotheses of its track: a miss, and the pairs.
 
     Args:
-        share: (2, k) probability of each pair, given the track and the model.
+        share: (models, k) probability of each pair, given the track and the model.
 
     Returns:
-        mean (4, 2, n), covariance (4, 4, 2, n).
+        mean (4, models, n), covariance (4, 4, models, n).
     """
     mean, covariance = bank.mean.copy(), bank.covariance.copy()
     for batch in _by_track(pairs.track):
@@ -92,7 +92,7 @@ def _by_track(track: Indices) -> list[Indices]:
 
 
 def _moves(pairs: Paired, share: Array, tracks: slice) -> tuple[Array, Array]:
-    """Mean shifts (4, 2, n) of a run of tracks, mean changes (4, 4, 2, n) about the old means."""
+    """Mean shifts (4, models, n) of a run of tracks, and changes (4, 4, models, n) about it."""
     weight, inverse = pairs.innovations.weights()
     state = pairs.innovations.state
     states = tracks if pairs.owner is None else slice(state[0], state[-1] + 1)

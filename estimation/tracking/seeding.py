@@ -22,7 +22,7 @@ def seeded(
         existence: probability that the target is there.
     """
     classes = np.asarray(settings.classes, dtype=float)[:, None]
-    bank = _of_one(mean, covariance)
+    bank = _of_one(mean, covariance, settings.motion.models)
     known = features.unknown(settings.features, 1)
     new = Tracks(np.array([picture.begun]), np.array([existence]), bank, classes, known)
     return picture._replace(tracks=bernoulli.joined(picture.tracks, new), begun=picture.begun + 1)
@@ -31,15 +31,16 @@ def seeded(
 def restated(picture: Picture, identity: int, mean: Array, covariance: Array) -> Picture:
     """The picture with the state of one of its tracks told anew, by whoever knows it better."""
     row = int(np.flatnonzero(picture.tracks.identity == identity)[0])
-    bank, told = picture.tracks.bank, _of_one(mean, covariance)
+    bank = picture.tracks.bank
+    told = _of_one(mean, covariance, len(bank.model))
     means, covariances = bank.mean.copy(), bank.covariance.copy()
     means[..., row], covariances[..., row] = told.mean[..., 0], told.covariance[..., 0]
     restated_bank = bank._replace(mean=means, covariance=covariances)
     return picture._replace(tracks=picture.tracks._replace(bank=restated_bank))
 
 
-def _of_one(mean: Array, covariance: Array) -> Bank:
-    """A bank of one track, the same under both models; which one holds is open."""
-    both = np.repeat(mean[:, None, None], 2, axis=1)
-    spread = np.repeat(covariance[:, :, None, None], 2, axis=2)
-    return Bank(both, spread, np.full((2, 1), 0.5))
+def _of_one(mean: Array, covariance: Array, models: int) -> Bank:
+    """A bank of one track, the same under all models; which one holds is open."""
+    every = np.repeat(mean[:, None, None], models, axis=1)
+    spread = np.repeat(covariance[:, :, None, None], models, axis=2)
+    return Bank(every, spread, np.full((models, 1), 1.0 / models))

@@ -27,6 +27,7 @@ from estimation.tracking.scan import Scan
 from estimation.tracking.undetected import Region, Undetected
 
 _SUREST = 0.999  # no sensor sees more surely: a miss must not be impossible
+_MISSED = 0.5  # probability from which a track is said to have had no plot
 
 
 class Settings(NamedTuple):
@@ -76,7 +77,7 @@ class Association(NamedTuple):
 
     Attributes:
         identity: (k,) track of each gated pair, plot: (k,), probability: (k,).
-        distance: (k,) Mahalanobis distance squared under the likelier model.
+        distance: (k,) Mahalanobis distance squared under the likeliest model.
         begun: (m,) identity of the track each plot began, -1 if none.
     """
 
@@ -93,7 +94,7 @@ class Shown(NamedTuple):
     Attributes:
         identity, existence: (n,).
         mean: (n, 4) east, north [m], their rates [m/s]; covariance: (n, 4, 4).
-        manoeuvring: (n,) probability.
+        manoeuvring: (n,) probability of the model of most noise.
         classes: (n, classes) probabilities.
     """
 
@@ -107,7 +108,7 @@ class Shown(NamedTuple):
 
 def nothing(settings: Settings, t_ns: int) -> Picture:
     """The picture before any scan."""
-    tracks = bernoulli.none(len(settings.classes), settings.features)
+    tracks = bernoulli.none(len(settings.classes), settings.features, settings.motion.models)
     return Picture(t_ns, tracks, undetected.unseen(settings.region), 0)
 
 
@@ -129,17 +130,18 @@ def step(
     pairs = bernoulli.gated(now.tracks, scan, settings.gate, term)
     classes, layout = np.asarray(settings.classes), settings.features
     lone = alone(now.undetected, scan, settings.motion, classes, layout)
-    place, _ = imm.combined(now.tracks.bank)
+    place, spread = imm.combined(now.tracks.bank)
     detection = np.where(scan.view.holds(place[:2]), min(scan.detection, _SUREST), 0.0)
     candidates = bernoulli.candidates(now.tracks, pairs, detection, lone.density)
     marginals = settings.associate(candidates)
     old = bernoulli.updated(now.tracks, pairs, marginals, detection, scan.features)
     new, begun = _named(lone.tracks, marginals.plot_alone, now.begun, settings.pruned)
-    kept = old.take(np.flatnonzero(old.existence >= settings.pruned))
+    lost = undetected.vague(settings.region, spread[:2, :2]) & (marginals.track_alone > _MISSED)
+    kept = old.take(np.flatnonzero((old.existence >= settings.pruned) & ~lost))
     after = Picture(
         scan.t_ns,
         bernoulli.joined(kept, new),
-        lone.undetected,
+        undetected.returned(lone.undetected, place[:2, lost], old.existence[lost]),
         now.begun + len(new.identity),
     )
     return after, _association(now.tracks, pairs, marginals, begun)
@@ -174,7 +176,7 @@ def shown(picture: Picture, settings: Settings) -> Shown:
         tracks.existence,
         mean.T,
         np.moveaxis(covariance, -1, 0),
-        tracks.bank.model[1],
+        tracks.bank.model[-1],
         tracks.classes.T,
     )
 
@@ -198,5 +200,6 @@ def _named(lone: Tracks, chance: Array, first: int, pruned: float) -> tuple[Trac
 
 def _association(tracks: Tracks, pairs: Pairs, marginals: Marginals, begun: Indices) -> Association:
     distance = pairs.ends.innovations.distance_squared()
-    likelier = np.where(pairs.model[1] > pairs.model[0], distance[1], distance[0])
-    return Association(tracks.identity[pairs.track], pairs.plot, marginals.pair, likelier, begun)
+    likeliest = pairs.model.argmax(axis=0)
+    likely = np.take_along_axis(distance, likeliest[None], axis=0)[0]
+    return Association(tracks.identity[pairs.track], pairs.plot, marginals.pair, likely, begun)

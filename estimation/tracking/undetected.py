@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.arrays import Array
+from estimation.arrays import Array, Indices
 
 
 class Region(NamedTuple):
@@ -108,6 +108,27 @@ def thinned(now: Undetected, look: Look) -> Undetected:
     return now._replace(density=now.density * np.where(look.visible, 1.0 - look.detection, 1.0))
 
 
+def vague(region: Region, covariance_m2: Array) -> NDArray[np.bool_]:
+    """Which places (n,) of covariances (2, 2, n) are no better known than a cell of the grid."""
+    middle = (covariance_m2[0, 0] + covariance_m2[1, 1]) / 2
+    half = (covariance_m2[0, 0] - covariance_m2[1, 1]) / 2
+    longest = middle + np.hypot(half, covariance_m2[0, 1])
+    return np.asarray(longest > cell_area(region) / 12, dtype=np.bool_)
+
+
+def returned(now: Undetected, place_m: Array, existence: Array) -> Undetected:
+    """The grid with targets at places (2, n) that no track stands for any more.
+
+    Source: Williams, Hybrid Poisson and multi-Bernoulli filters, FUSION 2012 (recycling).
+    """
+    if not existence.size:
+        return now
+    east, north, inside = _cells(now.region, place_m)
+    density = now.density.copy()
+    np.add.at(density, (east, north), inside * existence / cell_area(now.region))
+    return now._replace(density=density)
+
+
 def density_at(now: Undetected, place_m: Array) -> Array:
     """Density [1/m^2] at places (2, m); none outside the region."""
     return _at(now.density, now.region, place_m)
@@ -120,8 +141,14 @@ def expected(now: Undetected) -> float:
 
 def _at(values: NDArray[np.bool_] | Array, region: Region, place_m: Array) -> Array:
     """Values of the cells of places (2, m), 0 outside."""
+    east, north, inside = _cells(region, place_m)
+    return np.where(inside, values[east, north], 0.0)
+
+
+def _cells(region: Region, place_m: Array) -> tuple[Indices, Indices, NDArray[np.bool_]]:
+    """Rows and columns of the cells of places (2, m), any cell outside, and which are inside."""
     from_corner = place_m - np.asarray(region.centre_m)[:, None] + region.half_m
     cell = np.floor(from_corner * (region.cells / (2 * region.half_m)))
     inside = ((cell >= 0) & (cell < region.cells)).all(axis=0)
     east, north = np.where(inside, cell, 0.0).astype(np.intp)
-    return np.where(inside, values[east, north], 0.0)
+    return east, north, inside

@@ -39,6 +39,9 @@ SAME_NAME, OTHER_NAME = 12.0, -12.0
 MINE = 0.5
 """Probability from which a log is said to be of a track."""
 MOST_SPEED_MPS = 1e5
+LOUDER_S, QUIETER_S = (3000.0, 60.0, 100.0), (600.0, 20.0, 10.0)
+"""Mean times until a target moves in the next louder way, and until one falls back. Whoever has
+gone straight for long is taken for one that hardly ever turns; after a turn more are expected."""
 _COVARIANCE = upper_triangle(4)
 
 
@@ -149,8 +152,14 @@ def settings_of(state: State) -> tracker.Settings:
     """The settings as the tracker has them; at first every class is as likely."""
     settings, classes = state.settings.picture, max(len(classes_of(state.scenario)), 1)
     motion = Motion(
-        quiet=settings.quiet_m2ps3,
-        manoeuvring=settings.manoeuvring_m2ps3,
+        noise=(
+            settings.steady_m2ps3,
+            settings.quiet_m2ps3,
+            settings.turning_m2ps3,
+            settings.manoeuvring_m2ps3,
+        ),
+        louder_s=LOUDER_S,
+        quieter_s=QUIETER_S,
         sigma_speed_mps=settings.sigma_speed_mps,
     )
     return tracker.Settings(

@@ -17,16 +17,16 @@ from estimation.tracking.measurements import (
 SITE = np.array([-3000.0, 1500.0])
 
 
-def some_bank(rng: np.random.Generator, count: int, half_m: float = 20e3) -> Bank:
+def some_bank(rng: np.random.Generator, count: int, half_m: float = 20e3, models: int = 2) -> Bank:
     """Tracks anywhere, their models a little apart, every matrix a covariance."""
     centre = np.concatenate(
         [rng.uniform(-half_m, half_m, (2, count)), rng.normal(0, 80, (2, count))]
     )
-    mean = centre[:, None] + rng.normal(0, 5, (4, 2, count))
-    root = rng.normal(0, 1, (2, count, 4, 4)) * [60.0, 60.0, 6.0, 6.0]
+    mean = centre[:, None] + rng.normal(0, 5, (4, models, count))
+    root = rng.normal(0, 1, (models, count, 4, 4)) * [60.0, 60.0, 6.0, 6.0]
     covariance = np.moveaxis(np.swapaxes(root, -1, -2) @ root, (2, 3, 0, 1), (0, 1, 2, 3))
-    share = rng.uniform(0.05, 0.95, count)
-    return Bank(mean, covariance, np.stack([share, 1 - share]))
+    share = rng.uniform(0.05, 0.95, (models, count))
+    return Bank(mean, covariance, share / share.sum(axis=0))
 
 
 def plots_of(kind: str, rng: np.random.Generator, place_m: Array) -> Measurement:

@@ -40,7 +40,7 @@ def test_covariances_are_honest(manoeuvring: float, tolerance: float) -> None:
     """Mean NEES / 4 of 2400 states. Errors last some ten scans, so it is good to 4 %; where targets
     manoeuvre a few surprises make half of the mean, and it is good to 7 %. Two sigmas each.
     """
-    settings = SETTINGS._replace(motion=Motion(manoeuvring=manoeuvring))
+    settings = SETTINGS._replace(motion=Motion((1.0, manoeuvring)))
     ratios = np.concatenate([normalised(seed, settings) for seed in (4, 5)])
     assert len(ratios) > 2000
     assert abs(ratios.mean() / 4 - 1) < tolerance

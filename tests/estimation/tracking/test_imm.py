@@ -1,4 +1,4 @@
-"""The bank of two-model filters and its innovations, against the textbook one track at a time."""
+"""The bank of filters and its innovations, against the textbook one track at a time."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.linalg import expm
 
 from estimation.arrays import Array
 from estimation.tracking import imm
@@ -24,6 +25,7 @@ from estimation.tracking.measurements import Measurement
 from tests.estimation.tracking.states import KINDS, SITE, plots_of, some_bank
 
 MOTION = Motion()
+FOUR = Motion((1e-3, 0.05, 2.0, 20.0), (3000.0, 60.0, 100.0), (600.0, 20.0, 10.0))
 
 
 class Innovated(NamedTuple):
@@ -35,23 +37,24 @@ class Innovated(NamedTuple):
 
 def dense(parts: Array, track: int) -> list[Array]:
     """Of one track, under each model."""
-    return [parts[..., model, track] for model in (0, 1)]
+    return [parts[..., model, track] for model in range(parts.shape[-2])]
 
 
-def test_prediction_is_the_textbooks_one_track_at_a_time() -> None:
-    bank, dt = some_bank(np.random.default_rng(1), 5), 1.7
-    after = imm.predicted(bank, dt, MOTION)
+@pytest.mark.parametrize("motion", [MOTION, FOUR], ids=["two", "four"])
+def test_prediction_is_the_textbooks_one_track_at_a_time(motion: Motion) -> None:
+    bank, dt = some_bank(np.random.default_rng(1), 5, models=motion.models), 1.7
+    after = imm.predicted(bank, dt, motion)
     f = np.eye(4) + dt * np.eye(4, k=2)
     block = np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-    leave = 1 - np.exp([-dt / MOTION.quiet_s, -dt / MOTION.manoeuvring_s])
-    change = np.array([[1 - leave[0], leave[0]], [leave[1], 1 - leave[1]]])
+    rate = np.diag(1 / np.array(motion.louder_s), 1) + np.diag(1 / np.array(motion.quieter_s), -1)
+    change = expm(dt * (rate - np.diag(rate.sum(axis=1))))
     for i in range(5):
         x, p, mu = dense(bank.mean, i), dense(bank.covariance, i), bank.model[:, i]
-        for j, q in enumerate((MOTION.quiet, MOTION.manoeuvring)):
+        for j, q in enumerate(motion.noise):
             share = change[:, j] * mu
             np.testing.assert_allclose(after.model[j, i], share.sum(), rtol=1e-12)
             share = share / share.sum()
-            x0 = share[0] * x[0] + share[1] * x[1]
+            x0 = np.einsum("i,ij", share, np.array(x))
             p0 = sum(
                 s * (c + np.outer(m - x0, m - x0)) for s, m, c in zip(share, x, p, strict=True)
             )
@@ -60,9 +63,17 @@ def test_prediction_is_the_textbooks_one_track_at_a_time() -> None:
             np.testing.assert_allclose(after.covariance[:, :, j, i], want, rtol=1e-9, atol=1e-7)
 
 
+@pytest.mark.parametrize("motion", [MOTION, FOUR], ids=["two", "four"])
+def test_ways_of_moving_keep_their_shares_in_the_long_run(motion: Motion) -> None:
+    """Those of targets just found stay, and whatever a track is thought to do, it comes to them."""
+    np.testing.assert_allclose(motion.steady() @ motion.change(7.0), motion.steady(), rtol=1e-12)
+    np.testing.assert_allclose(motion.change(1e6), np.tile(motion.steady(), (motion.models, 1)))
+    np.testing.assert_allclose(motion.change(2.0) @ motion.change(3.0), motion.change(5.0))
+
+
 def test_two_short_steps_without_change_of_model_are_one_long() -> None:
     """Models that hardly ever change: then prediction is a semigroup, to that rarity."""
-    steady = MOTION._replace(quiet_s=1e12, manoeuvring_s=1e12)
+    steady = MOTION._replace(louder_s=(1e12,), quieter_s=(1e12,))
     bank = some_bank(np.random.default_rng(2), 4)
     once = imm.predicted(bank, 2.0, steady)
     twice = imm.predicted(imm.predicted(bank, 0.7, steady), 1.3, steady)
@@ -194,7 +205,7 @@ def test_a_track_is_born_where_and_when_its_plot_is() -> None:
     plots = plots_of("place", np.random.default_rng(10), np.array([[100.0, 200.0]]))
     found = plots.found()
     assert found is not None
-    still = MOTION._replace(quiet=0.0, manoeuvring=0.0)
+    still = MOTION._replace(noise=(0.0, 0.0))
     bank = imm.born(found.place_m, found.covariance_m2, np.array([2.0]), still)
     mean, covariance = imm.combined(imm.predicted(bank, 2.0, still))
     np.testing.assert_allclose(mean[:2], found.place_m)

@@ -253,3 +253,20 @@ def test_ten_times_the_declared_clutter_is_survived() -> None:
 def test_settings_are_the_documented_defaults() -> None:
     assert Settings().motion == Motion()
     assert tracker.number(nothing(Settings(), 0)).mean == 0.0
+
+
+def test_a_track_out_of_view_is_given_back_when_nothing_more_is_known_of_it() -> None:
+    """It is not shown for ever somewhere in a circle of kilometres, yet its target still counts."""
+    site, gone = SITES[0], View(SITES[0], 0.0, 1.0)
+    nobody = polar(site, np.empty(0), np.empty(0), 0.003, 30.0)
+    plots = polar(site, np.array([0.5]), np.array([8_000.0]), 0.003, 30.0)
+    picture = nothing(SETTINGS, 0)
+    for k in range(6):
+        picture, _ = step(picture, Scan(k * 10**9, plots, View(site), 0.9, 1e-9), SETTINGS)
+    assert len(shown(picture, SETTINGS).mean) == 1
+    before = tracker.number(picture).mean
+    for k in range(6, 200):
+        blind = Scan(k * 10**9, nobody, gone, 0.9, 1e-9)
+        picture, _ = step(picture, blind, SETTINGS)
+    assert not len(picture.tracks.identity)
+    assert tracker.number(picture).mean == pytest.approx(before, rel=0.1)

@@ -56,3 +56,20 @@ def test_places_find_their_cells_and_none_beyond_the_edge() -> None:
     )
     beyond = np.array([[11_001.0, 1000.0, np.nan], [0.0, -12_001.0, 0.0]])[:, :2]
     np.testing.assert_array_equal(undetected.density_at(now, beyond), 0.0)
+
+
+def test_what_no_track_stands_for_any_more_is_expected_where_it_was() -> None:
+    now = undetected.first_looked(undetected.unseen(REGION), look())
+    place = np.array([[2000.0, 2100.0, 50_000.0], [500.0, 400.0, 0.0]])
+    after = undetected.returned(now, place, np.array([0.5, 0.25, 0.9]))
+    cell = undetected.cell_area(REGION)
+    gained = (undetected.density_at(after, place) - undetected.density_at(now, place)) * cell
+    np.testing.assert_allclose(gained, [0.75, 0.75, 0.0], atol=1e-9)
+    assert undetected.expected(after) == pytest.approx(undetected.expected(now) + 0.75)
+
+
+def test_a_place_is_vague_when_it_fills_a_cell() -> None:
+    """Evenly in a cell of 2 km is a sigma of 2000 / sqrt(12) = 577 m along each axis."""
+    sigma = np.array([570.0, 585.0])
+    long_axis = sigma**2 * np.array([[1.0, 0.0], [0.0, 0.01]])[..., None]
+    assert undetected.vague(REGION, long_axis).tolist() == [False, True]

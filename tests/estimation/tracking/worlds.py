@@ -38,15 +38,15 @@ def world(
     state = np.column_stack([place, rng.normal(0, motion.sigma_speed_mps, (total, 2))])
     begins = np.where(np.arange(total) < targets, 0.0, rng.uniform(0, steps * PERIOD_S, total))
     ends = begins + rng.exponential(SETTINGS.lifetime_s, total)
-    manoeuvres = rng.random(total) < motion.manoeuvring_s / (motion.manoeuvring_s + motion.quiet_s)
+    manoeuvres = rng.random(total) < motion.steady()[1]
     states, parts = [], 4
     dt = PERIOD_S / parts
     for _ in range(steps):
         states.append(state.copy())
         for _ in range(parts):
-            leave = dt / np.where(manoeuvres, motion.manoeuvring_s, motion.quiet_s)
+            leave = dt / np.where(manoeuvres, motion.quieter_s[0], motion.louder_s[0])
             manoeuvres ^= rng.random(total) < leave
-            q = np.where(manoeuvres, motion.manoeuvring, motion.quiet)[:, None]
+            q = np.where(manoeuvres, *reversed(motion.noise))[:, None]
             kick = rng.normal(0, 1, (total, 2)) * np.sqrt(q * dt)
             state[:, :2] += state[:, 2:] * dt + kick * dt / 2
             state[:, 2:] += kick
