@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from carriers.carrier import Carrier, Stamp
@@ -32,13 +32,17 @@ class Played(NamedTuple):
 
 
 def played(
-    scenario: Scenario, fusion: Mapping[str, Any] | None = None, steps: int | None = None
+    scenario: Scenario,
+    fusion: Mapping[str, Any] | None = None,
+    steps: int | None = None,
+    heard: Callable[[Input], Input] = lambda message: message,
 ) -> Iterator[Played]:
     """The steps of a run, one after another.
 
     Args:
         fusion: settings instead of the scenario's.
         steps: instead of all.
+        heard: what the fusion centre gets of a message.
     """
     world, declared = World(scenario), scenario.declared
     carriers = [Carrier(scenario, c.name) for c in declared.carriers]
@@ -60,5 +64,5 @@ def played(
             for end in stamp.manifest(carrier.name)
         ]
         closed = Closed(step=step, t_ns=world.t_ns(step), manifest=manifest)
-        state, outputs = pipeline.step(state, closed, said)
+        state, outputs = pipeline.step(state, closed, [heard(message) for message in said])
         yield Played(closed, said, targets, truth, state, outputs)
