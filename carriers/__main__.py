@@ -31,7 +31,12 @@ def _run(options: Namespace) -> int:
         sample = fetch(data, keys.TRUTH_SCENARIO, options.run, timeout_s=options.start_timeout)
         truth = codec.decode(TruthScenario, sample.payload, sample.encoding)
         scenario = parse_scenario(truth.text, where=truth.name)
-        node = CarrierNode(member, Carrier(scenario, options.name), delay_s=options.delay)
+        node = CarrierNode(
+            member,
+            Carrier(scenario, options.name),
+            delay_s=options.delay,
+            hub_timeout_s=options.hub_timeout,
+        )
         on_signal(node.stop)
         node.run()
     return 0
@@ -44,6 +49,7 @@ def _options() -> Namespace:
     parser.add_argument("--connect", default="tcp/127.0.0.1:7447", help="endpoint of the hub")
     parser.add_argument("--start-timeout", type=float, default=30.0, help="seconds")
     parser.add_argument("--delay", type=float, default=0.0, help="wait up to so long in each step")
+    parser.add_argument("--hub-timeout", type=float, default=120.0, help="seconds it may be away")
     return parser.parse_args()
 
 

@@ -14,6 +14,7 @@ from schemas import keys
 from schemas.bus.interface import Inbox, Liveness, Sample
 from schemas.bus.ledger import StreamKey
 from schemas.bus.member import Member
+from schemas.bus.patience import HUB_TIMEOUT_S, HubPatience
 from schemas.bus.recovery import Gap, Recovery
 from schemas.bus.roster import Roster
 from schemas.errors import WireError
@@ -39,14 +40,23 @@ class CarrierNode:
     Args:
         delay_s: waits a random time up to this long in every step (to test that it changes
             nothing).
+        hub_timeout_s: that the hub may be away.
     """
 
-    def __init__(self, member: Member, carrier: Carrier, *, delay_s: float = 0.0) -> None:
+    def __init__(
+        self,
+        member: Member,
+        carrier: Carrier,
+        *,
+        delay_s: float = 0.0,
+        hub_timeout_s: float = HUB_TIMEOUT_S,
+    ) -> None:
         self._member, self._carrier, self._delay_s = member, carrier, delay_s
         self._stamp = Stamp(member.boot)
         self._samples: Inbox[Sample] = Inbox()
         self._tokens: Inbox[Liveness] = Inbox()
         self._roster = Roster()
+        self._hub = HubPatience(hub_timeout_s)
         self._world = ""
         self._recovery = Recovery(member.run, member.buses.data, self._samples)
         self._granted: deque[Step] = deque()
@@ -65,7 +75,11 @@ class CarrierNode:
         self._samples.wake()
 
     def run(self) -> str:
-        """The whole life of the carrier; the reason why it ended."""
+        """The whole life of the carrier; the reason why it ended.
+
+        Raises:
+            BusError: the hub has gone and has not come back.
+        """
         self._open()
         while not self._stop:
             for sample in self._samples.take(PUMP_S):
@@ -191,6 +205,8 @@ class CarrierNode:
         A process that was stopped finds its own link lost a moment after the tokens it carried.
         """
         up = self._member.buses.control.link_up()
+        if self._hub.is_over(up, now_s):
+            self._hub.require()
         lost = self._roster.update(self._tokens.take(), up, now_s)
         self._world = self._world or next(iter(self._roster.boots(keys.WORLD)), "")
         if self._roster.has(keys.WORLD):

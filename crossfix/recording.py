@@ -12,6 +12,7 @@ from fusion_center.recorder import How, Wanted, require_wanted
 from fusion_center.recorder.alone import RecorderAlone, record_whatever
 from schemas.bus.entry import on_signal
 from schemas.bus.member import Buses, Member
+from schemas.bus.patience import HubPatience
 from schemas.bus.zenoh_bus import open_bus
 from schemas.errors import CrossfixError
 from schemas.recording.parts import Limits, Safety, parts_of
@@ -38,11 +39,13 @@ def carry_out(run: str, options: RecordOptions) -> int:
     ):
         alone = record_whatever(member, path, how, options.wait)
         alone.recorder.paused = options.start_paused
+        alone.hub = HubPatience(options.hub_timeout)
         on_signal(lambda: alone.stop("interrupted"))
         alone.start()
         console.print(f"recording: {', '.join(map(str, alone.recorder.files()))}")
         reason = alone.run(options.duration or float("inf"))
         console.print(told(alone, reason))
+        alone.hub.require()
         return DISK_FAILED if alone.recorder.error() else 0
 
 

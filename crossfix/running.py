@@ -10,8 +10,9 @@ from types import FrameType
 
 from schemas import keys
 from schemas.bus.zenoh_bus import open_bus
-from schemas.errors import LaunchError
+from schemas.errors import CrossfixError, LaunchError
 from schemas.messages import DeclaredScenario
+from schemas.recording.parts import parts_of
 from sim_world.scenario import load_scenario, parse_override
 
 from .commands.run import RunOptions
@@ -50,9 +51,9 @@ def carry_out(path: Path, options: RunOptions) -> int:
         with open_bus(endpoint, HUB_S) as bus:
             watcher.follow(bus)
             code = launch.watch(watcher.turn)
-    if recording.exists():
-        console.print(f"recording: {recording}", highlight=False)
-        show_frames(recording, as_json=options.json)
+    if files := parts_of(recording) if recording.parent.is_dir() else []:
+        console.print(f"recording: {', '.join(map(str, files))}", highlight=False)
+        show_frames(files[-1], as_json=options.json)
         if options.verify:
             code = code or verify(recording, refuse=True)
         if options.report:
@@ -70,6 +71,9 @@ def _checked(path: Path, options: RunOptions) -> DeclaredScenario:
     scenario = load_scenario(path, overrides, options.data)
     pipeline.initial(scenario.declared, settings_from(scenario.declared.fusion))
     World(scenario)  # reads recorded tracks, if there are any
+    options.files.require()
+    if options.files.splits and (options.verify or options.report):
+        raise CrossfixError("a recording in parts", expected="no --verify or --report with it")
     if options.report:
         require_bokeh()
     if options.output:
@@ -102,6 +106,7 @@ def processes(
     """The processes of a run: world, fusion centre and one for each carrier."""
     wire = ["--connect", endpoint, "--run", run]
     timeout = ["--start-timeout", str(options.start_timeout)]
+    timeout += ["--hub-timeout", str(options.hub_timeout)]
     world = ["sim_world", str(path), *wire, *timeout, "--rate", options.rate]
     world += ["--step-timeout", str(options.step_timeout)]
     for override in _overrides(options):
@@ -109,7 +114,7 @@ def processes(
     if options.data:
         world += ["--data", str(options.data)]
     fusion = ["fusion_center", *wire, *timeout, "--output", str(recording)]
-    fusion += ["--max-loss", str(options.max_loss)]
+    fusion += ["--max-loss", str(options.max_loss), *options.files.arguments()]
     delay = ["--delay", str(options.delay)] if options.delay else []
     carriers = [
         Child(carrier.name, ["carriers", carrier.name, *wire, *timeout, *delay])

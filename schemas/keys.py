@@ -205,6 +205,11 @@ def alive(run: str, process: str, boot: str) -> str:
     return f"{PREFIX}/{require_id(run)}/alive/{require_id(process)}/{require_id(boot)}"
 
 
+def alive_of(run: str, process: str) -> str:
+    """Key expression of the liveliness tokens of one process, whatever its boot."""
+    return f"{PREFIX}/{require_id(run)}/alive/{require_id(process)}/*"
+
+
 def every_alive(run: str) -> str:
     """Key expression of the liveliness tokens of a run (`*` for run: of every run)."""
     return f"{PREFIX}/{run if run == '*' else require_id(run)}/alive/*/*"

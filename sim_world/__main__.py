@@ -30,6 +30,7 @@ def _run(options: Namespace) -> int:
         rate=None if options.rate == "max" else float(options.rate),
         start_timeout_s=options.start_timeout,
         step_timeout_s=options.step_timeout,
+        hub_timeout_s=options.hub_timeout,
     )
     control = open_bus(options.connect, options.start_timeout)
     data = open_bus(options.connect, options.start_timeout)
@@ -50,6 +51,7 @@ def _options() -> Namespace:
     parser.add_argument("--data", help="folder of recorded tracks")
     parser.add_argument("--start-timeout", type=float, default=30.0, help="seconds")
     parser.add_argument("--step-timeout", type=float, default=10.0, help="seconds")
+    parser.add_argument("--hub-timeout", type=float, default=120.0, help="seconds it may be away")
     return parser.parse_args()
 
 

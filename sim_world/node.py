@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from schemas import keys
 from schemas.bus.interface import Inbox, Liveness, Sample
 from schemas.bus.member import Member
+from schemas.bus.patience import HUB_TIMEOUT_S, HubPatience
 from schemas.bus.roster import Life, Roster
 from schemas.errors import LaunchError, WireError
 from schemas.feedback import WINDOW
@@ -33,11 +34,16 @@ LOGGED = frozenset(10**n for n in range(10))
 
 
 class Pace(NamedTuple):
-    """How the world proceeds: `rate` times the wall clock, or in lock-step where it is None."""
+    """How the world proceeds: `rate` times the wall clock, or in lock-step where it is None.
+
+    Attributes:
+        hub_timeout_s: that the hub may be away.
+    """
 
     rate: float | None = None
     start_timeout_s: float = 30.0
     step_timeout_s: float = 10.0
+    hub_timeout_s: float = HUB_TIMEOUT_S
 
 
 class WorldNode:
@@ -56,6 +62,7 @@ class WorldNode:
         self._samples: Inbox[Sample] = Inbox()
         self._tokens: Inbox[Liveness] = Inbox()
         self._roster = Roster()
+        self._hub = HubPatience(pace.hub_timeout_s)
         self._answers: dict[Life, Ack] = {}
         self._taking_part: list[Life] = []
         self._given_up: list[str] = []
@@ -77,8 +84,11 @@ class WorldNode:
         """The whole life of the world; the reason why it ended.
 
         Raises:
-            LaunchError: somebody needed for the first step did not come in time.
+            LaunchError: somebody needed for the first step did not come in time, or a world of
+                this run is alive.
+            BusError: the hub has gone and has not come back.
         """
+        self._require_alone()
         self._open()
         self._await_start()
         if self._pace.rate is None:
@@ -111,6 +121,17 @@ class WorldNode:
             if self._stop:
                 return
             self._grant(step)
+
+    def _require_alone(self) -> None:
+        """Two worlds of one run would talk past each other, and to the same carriers."""
+        run = self._member.run
+        tokens = self._member.buses.control.tokens(keys.alive_of(run, keys.WORLD))
+        if tokens:
+            raise LaunchError(
+                "a world of this run is alive",
+                where=f"run {run}",
+                expected="another --run NAME, or the end of that world",
+            )
 
     def _open(self) -> None:
         control = self._member.buses.control
@@ -227,6 +248,8 @@ class WorldNode:
             self._note(sample)
         now_s = time.monotonic()
         up = self._member.buses.control.link_up()
+        if self._hub.is_over(up, now_s):
+            self._hub.require()
         for life in self._roster.update(self._tokens.take(), up, now_s):
             self._on_loss(life)
         if self._centre is None and (boots := self._roster.boots(keys.FUSION)):

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from crossfix.commands import ENDPOINT, Name, Timeout
+from crossfix.commands import ENDPOINT, HUB_TIMEOUT, Name, Timeout
 
 
 def carrier(
-    name: Name, /, *, run: Name, connect: str = ENDPOINT, start_timeout: Timeout = 600.0
+    name: Name,
+    /,
+    *,
+    run: Name,
+    connect: str = ENDPOINT,
+    start_timeout: Timeout = 600.0,
+    hub_timeout: Timeout = HUB_TIMEOUT,
 ) -> int:
     """Simulate one carrier: its navigation and its sensors, as the scenario has them.
 
@@ -22,8 +28,10 @@ def carrier(
         run: name of the run.
         connect: endpoint of the hub.
         start_timeout: seconds to wait for the hub and the world.
+        hub_timeout: seconds that the hub may be away before this ends.
     """
     from crossfix.launch import become
 
     arguments = [name, "--run", run, "--connect", connect, "--start-timeout", str(start_timeout)]
+    arguments += ["--hub-timeout", str(hub_timeout)]
     return become("carriers", arguments)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from crossfix.commands import ENDPOINT, Count, Name, Seconds, Timeout
+from crossfix.commands import ENDPOINT, HUB_TIMEOUT, Count, Name, Seconds, Timeout
 
 Keys = Annotated[tuple[str, ...], Parameter(negative=())]
 
@@ -32,6 +32,7 @@ class RecordOptions:
         min_free: megabytes to leave on the disk: old parts make room, else the recording ends.
         duration: seconds after which it ends.
         start_paused: record nothing until `crossfix tell record resume`.
+        hub_timeout: seconds that the hub may be away before the recording ends.
         wait: seconds to wait for the run's world, whose scenario goes into the file.
         name: of this process on the wire.
     """
@@ -49,6 +50,7 @@ class RecordOptions:
     min_free: Seconds = 0.0
     duration: Timeout | None = None
     start_paused: Annotated[bool, Parameter(negative=())] = False
+    hub_timeout: Timeout = HUB_TIMEOUT
     wait: Seconds = 2.0
     name: Annotated[Name, Parameter(name="--as")] = "record"
 

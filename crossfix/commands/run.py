@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from crossfix.commands import Name, Rate, Seconds, Timeout
+from crossfix.commands import FILES, HUB_TIMEOUT, FileOptions, Name, Rate, Seconds, Timeout
 
 
 @Parameter(name="*")
@@ -27,11 +27,14 @@ class RunOptions:
         data: folder of the recorded tracks that a scenario names (or set CROSSFIX_DATA).
         start_timeout: seconds to wait for all processes to be ready.
         step_timeout: seconds after which a carrier that does not answer is given up.
+        hub_timeout: seconds that the hub may be away; then every process ends, with what is
+            recorded by then.
         max_loss: seconds of recording that a crash may cost.
         delay: each carrier waits a random time up to this in each step; it changes no result.
         verify: fuse the recording again at the end and compare every byte of its outputs.
         report: draw the recording as a page beside it, as `crossfix report` does; needs bokeh.
         json: print the table as JSON on stdout.
+        files: how the recording lies on the disk.
     """
 
     rate: Rate = "max"
@@ -43,11 +46,13 @@ class RunOptions:
     data: Path | None = None
     start_timeout: Timeout = 30.0
     step_timeout: Timeout = 10.0
+    hub_timeout: Timeout = HUB_TIMEOUT
     max_loss: Seconds = 0.25
     delay: Seconds = 0.0
     verify: Annotated[bool, Parameter(negative=())] = False
     report: Annotated[bool, Parameter(negative=())] = False
     json: Annotated[bool, Parameter(negative=())] = False
+    files: FileOptions = FILES
 
 
 DEFAULTS = RunOptions()

@@ -2,12 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from crossfix.commands import ENDPOINT, Name, Rate, Timeout
+from crossfix.commands import ENDPOINT, HUB_TIMEOUT, Name, Rate, Timeout
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class WorldWaits:
+    """How long the world waits, and for whom.
+
+    Attributes:
+        start_timeout: seconds to wait for the hub and for all processes to be ready.
+        step_timeout: seconds after which a carrier that does not answer is given up.
+        hub_timeout: seconds that the hub may be away before this ends.
+    """
+
+    start_timeout: Timeout = 600.0
+    step_timeout: Timeout = 10.0
+    hub_timeout: Timeout = HUB_TIMEOUT
+
+
+WAITS = WorldWaits()
 
 
 def world(
@@ -19,8 +39,7 @@ def world(
     rate: Rate = "max",
     overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative=())] = (),
     data: Path | None = None,
-    start_timeout: Timeout = 600.0,
-    step_timeout: Timeout = 10.0,
+    waits: WorldWaits = WAITS,
 ) -> int:
     """Publish the truth of a scenario and grant its steps, once everybody is there.
 
@@ -38,13 +57,18 @@ def world(
         rate: `max` for lock-step, or a multiple of real time.
         overrides: a scenario key and its value, such as `seed=7`.
         data: folder of the recorded tracks that a scenario names (or set CROSSFIX_DATA).
-        start_timeout: seconds to wait for the hub and for all processes to be ready.
-        step_timeout: seconds after which a carrier that does not answer is given up.
+        waits: how long for whom.
     """
     from crossfix.launch import become
 
     arguments = [str(scenario), "--connect", connect, "--rate", rate]
-    arguments += ["--start-timeout", str(start_timeout), "--step-timeout", str(step_timeout)]
+    arguments += [
+        "--start-timeout",
+        str(waits.start_timeout),
+        "--step-timeout",
+        str(waits.step_timeout),
+    ]
+    arguments += ["--hub-timeout", str(waits.hub_timeout)]
     arguments += ["--run", run] if run else []
     arguments += ["--data", str(data)] if data else []
     for override in overrides:

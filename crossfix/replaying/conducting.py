@@ -1,7 +1,8 @@
 """Plays the world's part in a replay: a fusion centre then fuses the recording as if it were a run.
 
 What was closed is closed again, step by step, each when the fusion centre has room for it; so a
-replay gives the same outputs however fast it goes, and whatever is lost on the way is fetched.
+replay gives the same outputs however fast it goes, and whatever is lost on the way is fetched. What
+an operator did is ordered again, when the fusion centre stands before the step it took effect with.
 """
 
 from __future__ import annotations
@@ -14,7 +15,16 @@ from schemas import codec, keys
 from schemas.bus.interface import Bus, Inbox, Sample
 from schemas.bus.member import Member
 from schemas.errors import BusError, RecordingError, WireError
-from schemas.messages import Ack, Closed, DeclaredScenario, Step, TruthScenario
+from schemas.messages import (
+    Ack,
+    Answer,
+    Closed,
+    Command,
+    DeclaredScenario,
+    Event,
+    Step,
+    TruthScenario,
+)
 from schemas.recording.contents import TRUTH
 from schemas.recording.reader import Recorded, Recording
 
@@ -26,6 +36,8 @@ PATIENCE_S = 60.0
 """A fusion centre that acknowledges nothing for so long is not waited for."""
 LEAVING_S = 20.0
 PUMP_S = 0.02
+ORDER_S = 2.0
+"""A question that was lost is asked again after so long; the id tells that it is the same."""
 
 
 class World:
@@ -47,6 +59,7 @@ class World:
         if not closings:
             raise RecordingError("nothing was fused in this recording", expected="closed/fusion")
         self._last = closings[-1]
+        self._events = _events(recording)
         self._lives = sorted({(e.carrier, e.boot) for c in closings for e in c.manifest})
         self._acks: Inbox[Sample] = Inbox()
         self._acked = 0
@@ -81,9 +94,32 @@ class World:
             self._speak(message)
 
     def _close(self, closed: Closed) -> None:
-        self._await_ack(closed.step - WINDOW)
+        events = self._events.get(closed.step, [])
+        self._await_ack(closed.step - (1 if events else WINDOW))
+        for event in events:
+            self._order(event)
         self._grant(closed.step)
         self._member.outbox.send(keys.CLOSED_WORLD, (), closed)
+
+    def _order(self, event: Event) -> None:
+        """Have the fusion centre take an event with its next step, which is the recorded one.
+
+        Raises:
+            BusError: it does not.
+        """
+        named = {name: getattr(event, name) for name in Command.__struct_fields__}
+        question, encoding = codec.encode(Command(**named)), codec.encoding_of(Command)
+        key = keys.COMMAND.key(self._member.run, keys.FUSION)
+        deadline_s, answer = time.monotonic() + PATIENCE_S, None
+        while answer is None and time.monotonic() < deadline_s:
+            for sample in self._member.buses.control.query(key, question, encoding, ORDER_S):
+                answer = codec.decode(Answer, sample.payload, sample.encoding)
+        if answer is None or not answer.taken or answer.step != event.step:
+            raise BusError(
+                f"the fusion centre does not take event {event.id} with step {event.step}",
+                where=self._member.run,
+                got=answer.reason or f"step {answer.step}" if answer else "no answer",
+            )
 
     def _grant(self, step: int) -> None:
         t_ns = self._scenario.epoch_ns + step * self._scenario.step_ns
@@ -152,6 +188,15 @@ def world_boot(recording: Recording) -> str:
 def _closings(recording: Recording) -> Iterator[Closed]:
     for message in recording.messages(topics=(keys.CLOSED_FUSION,)):
         yield codec.decode(Closed, message.payload, message.encoding)
+
+
+def _events(recording: Recording) -> dict[int, list[Event]]:
+    """What operators did, by the step it took effect with, in order."""
+    events: dict[int, list[Event]] = {}
+    for message in recording.messages(topics=(keys.EVENT,)):
+        event = codec.decode(Event, message.payload, message.encoding)
+        events.setdefault(event.step, []).append(event)
+    return {step: sorted(some, key=lambda event: event.seq) for step, some in events.items()}
 
 
 def _truth(recording: Recording) -> TruthScenario:

@@ -10,6 +10,7 @@ from schemas import codec, keys
 from schemas.bus.interface import Inbox, Liveness, Sample
 from schemas.bus.ledger import StreamKey
 from schemas.bus.member import Member
+from schemas.bus.patience import HUB_TIMEOUT_S, HubPatience
 from schemas.bus.recovery import Recovery
 from schemas.errors import WireError
 from schemas.messages import Closed, DeclaredScenario, Event, Health, Input, Step
@@ -50,6 +51,7 @@ class FusionNode:
         recorder: Recorder,
         *,
         lateness_s: float = 0.2,
+        hub_timeout_s: float = HUB_TIMEOUT_S,
         delay: Delay = lambda: None,
     ) -> None:
         self._member, self._scenario, self._recorder = member, scenario, recorder
@@ -61,6 +63,7 @@ class FusionNode:
         self._lockstep = LockstepClosing(scenario, self._ingest)
         self._paced = PacedClosing(scenario, self._ingest, lateness_s)
         self._closing: LockstepClosing | PacedClosing = self._lockstep
+        self._hub = HubPatience(hub_timeout_s)
         self._recovery = Recovery(member.run, member.buses.data, self._samples)
         self._operator = Operator(member)
         self._state = pipeline.initial(scenario, settings)
@@ -79,7 +82,11 @@ class FusionNode:
         self._samples.wake()
 
     def run(self) -> str:
-        """The whole life of the fusion centre; the reason why it ended."""
+        """The whole life of the fusion centre; the reason why it ended.
+
+        Raises:
+            BusError: the hub has gone and has not come back; the recording is sealed by then.
+        """
         self._open()
         while not self._is_over():
             samples = self._samples.take(PUMP_S)
@@ -94,7 +101,9 @@ class FusionNode:
             for gap in self._recovery.pursue(self._closing.gaps(), now_s):
                 self._closing.give_up(gap)
             self._say(now_s)
-        return self._finish()
+        reason = self._finish()
+        self._hub.require()
+        return reason
 
     def _open(self) -> None:
         run = self._member.run
@@ -157,6 +166,8 @@ class FusionNode:
 
     def _mind_the_roster(self, now_s: float) -> None:
         up = self._member.buses.control.link_up()
+        if self._hub.is_over(up, now_s):
+            self._stop = self._stop or "the hub is lost"
         changes = self._attendance.update(self._tokens.take(), up, now_s)
         self._news += changes.news
         if changes.world_lost:

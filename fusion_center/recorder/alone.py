@@ -11,6 +11,7 @@ from schemas import codec, keys
 from schemas.bus.interface import Bus, Inbox, Liveness, Sample
 from schemas.bus.latched import ATTEMPT_S
 from schemas.bus.member import Member
+from schemas.bus.patience import HubPatience
 from schemas.bus.roster import Life, Roster
 from schemas.errors import BusError
 from schemas.messages import DeclaredScenario, RecorderCommand, TruthScenario
@@ -62,10 +63,14 @@ class RecorderAlone:
 
     It ends when world and fusion centre have both been here and have gone, when it is told to
     stop, after its time, or when the disk fails.
+
+    Attributes:
+        hub: how long it may be away.
     """
 
     def __init__(self, member: Member, recorder: Recorder, latched: Sequence[Sample]) -> None:
         self.recorder = recorder
+        self.hub = HubPatience()
         self._member, self._latched = member, latched
         self._tokens: Inbox[Liveness] = Inbox()
         self._roster = Roster()
@@ -125,7 +130,10 @@ class RecorderAlone:
     def _follow(self, events: Sequence[Liveness]) -> None:
         """Enter who has come: whose gaps are fetched, and whose the run is."""
         up = self._member.buses.control.link_up()
-        self._roster.update(events, up, time.monotonic())
+        now_s = time.monotonic()
+        self._roster.update(events, up, now_s)
+        if self.hub.is_over(up, now_s):
+            self._stop = self._stop or "the hub is lost"
         present = set(self._roster.present)
         if present != self._seen:
             self.recorder.lives.show(present, present - self._seen)

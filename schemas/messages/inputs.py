@@ -193,6 +193,9 @@ class SourceReport(Input, frozen=True, kw_only=True, omit_defaults=True):
 
     Attributes:
         swept: the sector this report covers; absent = all the source can see.
+        correction_id: the correction that these logs already hold, see `Navigation`.
+        turned_rad: what it added to their bearings; east and north, velocities, filters and the
+            swept sector are turned alike. Latitudes and longitudes never hold a correction.
         kind: plot (default), track or increment.
         track_id: the source's own name of the target, stable over reports.
         time_offset_s: when the log was measured, after `t_ns`.
@@ -211,12 +214,11 @@ class SourceReport(Input, frozen=True, kw_only=True, omit_defaults=True):
         identity, identity_kind: a name that other carriers see too, such as an MMSI.
         filter: of logs of kind track.
         increment: of logs of kind increment.
-        correction_id: the correction that these logs already hold, see `Navigation`.
-        turned_rad: what it added to their bearings; east and north, velocities, filters and the
-            swept sector are turned alike. Latitudes and longitudes never hold a correction.
     """
 
     swept: Sector | None = None
+    correction_id: Text = ""
+    turned_rad: Angle = 0.0
     kind: list[Literal["plot", "track", "increment"]] | None = None
     track_id: list[Text | None] | None = None
     time_offset_s: list[Seconds | None] | None = None
@@ -249,8 +251,6 @@ class SourceReport(Input, frozen=True, kw_only=True, omit_defaults=True):
     identity_kind: list[Text | None] | None = None
     filter: list[TrackFilter | None] | None = None
     increment: list[Increment | None] | None = None
-    correction_id: Text = ""
-    turned_rad: Angle = 0.0
 
     def __len__(self) -> int:
         """Number of target logs."""

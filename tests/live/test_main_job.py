@@ -13,10 +13,15 @@ from pathlib import Path
 
 import pytest
 
+from crossfix.commands import FileOptions
 from crossfix.commands.run import RunOptions
+from schemas import keys
 from schemas.bus.entry import LAUNCHER
+from schemas.feedback import WINDOW
+from schemas.messages import Closed, Navigation
+from schemas.recording.parts import parts_of
 from tests.live.live_run import LiveRun
-from tests.whole.recorded import outputs
+from tests.whole.recorded import messages, outputs
 from tests.whole.refusing import refused
 
 pytestmark = pytest.mark.live
@@ -102,6 +107,22 @@ def test_the_same_seed_gives_the_same_bytes_under_load_delay_and_a_slow_viewer(
         assert run.await_end() == 0
     assert outputs(quiet) == outputs(disturbed)
     assert outputs(quiet) == refused(quiet)
+    for path in (quiet, disturbed):  # bravo applies its corrections, each in its turn
+        said = [m for m in messages(path, keys.NAVIGATION, Navigation) if m.carrier == "bravo"]
+        held = {m.step: m.correction_id for m in said if m.correction_id}
+        assert len(held) > 30
+        assert held == {step: f"fusion/bravo/{step - WINDOW}" for step in held}
+
+
+def test_a_run_is_recorded_in_parts_that_stand_alone(tmp_path: Path) -> None:
+    files = FileOptions(fsync="flush", split_time=25.0, keep=2)
+    with LiveRun(PATROL, tmp_path / "run.mcap", RunOptions(files=files)) as run:
+        assert run.await_end() == 0
+    parts = parts_of(tmp_path / "run.mcap")
+    assert [part.name for part in parts] == ["run.0002.mcap", "run.0003.mcap"]
+    steps = [{m.step for m in messages(p, keys.CLOSED_FUSION, Closed)} for p in parts]
+    assert max(steps[1]) == 60
+    assert not steps[0] & steps[1]
 
 
 def test_a_paced_run_refuses_to_the_same_bytes(tmp_path: Path) -> None:
@@ -136,4 +157,8 @@ def test_bad_input_is_refused_before_any_process_starts(tmp_path: Path) -> None:
     assert "listening" not in done.stderr
     assert crossfix("run", tmp_path / "absent.toml").returncode == 2
     assert crossfix("run", PATROL, "--rate", "fast").returncode == 2
+    kept = crossfix("run", PATROL, "--keep", "3")
+    assert kept.returncode == 2
+    assert "--split-size or --split-time" in kept.stderr
+    assert crossfix("run", PATROL, "--split-time", "9", "--verify").returncode == 2
     assert crossfix("run", PATROL, "--set", "fusion.association.gat=1").returncode == 2

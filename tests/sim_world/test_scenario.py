@@ -189,6 +189,14 @@ CONTRADICTIONS: dict[str, tuple[dict[str, Any], str]] = {
         {"carriers.own.navigation.sigma_clock_s": 0.5},
         "carriers.own.navigation.sigma_clock_s",
     ),
+    "corrections to itself": (
+        {"carriers.other.use_corrections": True},
+        "carriers.other.use_corrections",
+    ),
+    "corrections to itself, by another gauge": (
+        {"carriers.own.use_corrections": True, "fusion.own": "own"},
+        "carriers.own.use_corrections",
+    ),
     "no such class": ({"targets.ada.class": "crago"}, "targets.ada.class"),
     "a target without a feature": ({"targets.bob.features": {}}, "targets.bob.class"),
     "a target that is never there": ({"targets.bob.end_s": 4}, "targets.bob.end_s"),

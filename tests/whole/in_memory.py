@@ -35,6 +35,7 @@ class MemoryRun:
         self.run = scenario.declared.name
         self.pace = Pace(**pace)
         self.fusion_delay_s = 0.0
+        self.hub_timeout_s = 120.0
         self.carriers: dict[str, CarrierNode] = {}
         self.errors: list[BaseException] = []
         self._threads: list[threading.Thread] = []
@@ -48,17 +49,26 @@ class MemoryRun:
         meanwhile(self)
         world.join(DEADLINE_S)
         assert not world.is_alive(), "the run did not end"
-        for thread in self._threads:
-            thread.join(10)
+        self.await_threads()
         if self.errors:
             raise self.errors[0]
+
+    def await_threads(self) -> None:
+        """Wait for everybody to leave."""
+        for thread in self._threads:
+            thread.join(10)
 
     def start_carrier(self, name: str) -> None:
         """Start one carrier: for the first time, or as the next life of one that was killed."""
         member = Member(self.run, name, self._buses(name))
-        node = CarrierNode(member, Carrier(self.scenario, name))
+        carrier = Carrier(self.scenario, name)
+        node = CarrierNode(member, carrier, hub_timeout_s=self.hub_timeout_s)
         self.carriers[name] = node
         self._start(lambda: self._leave_after(member, node.run))
+
+    def start_fusion(self) -> threading.Thread:
+        """Start the fusion centre alone; the world is somebody else."""
+        return self._start(self._fusion)
 
     def kill_carrier(self, name: str) -> None:
         """As kill -9."""
@@ -89,7 +99,12 @@ class MemoryRun:
         recorder, declared = record_run(recorder_member, self.output, 0.25, 10.0)
         settings = settings_from(declared.fusion)
         node = FusionNode(
-            member, declared, settings, recorder, delay=lambda: time.sleep(self.fusion_delay_s)
+            member,
+            declared,
+            settings,
+            recorder,
+            hub_timeout_s=self.hub_timeout_s,
+            delay=lambda: time.sleep(self.fusion_delay_s),
         )
         self._leave_after(member, node.run)
         recorder_member.buses.close()

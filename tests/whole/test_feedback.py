@@ -9,6 +9,12 @@ import numpy as np
 import pytest
 
 from crossfix.evaluation import true_frame
+from crossfix.picture.axes import Axes
+from crossfix.picture.figures import figures_of
+from crossfix.picture.logs import Names, logs_of
+from crossfix.picture.series import frame_series
+from crossfix.picture.story import read_story
+from crossfix.table import frame_summaries
 from estimation.consistency import nees
 from estimation.frames import Site, target_from_source, wrap_pi
 from fusion_center.navigation import symmetric
@@ -140,6 +146,30 @@ def test_what_it_says_of_itself_is_as_right_as_the_correction_claims(
         assert float(nees(of_pose, symmetric(message.pose.covariance, 3))) < 25.0
     assert before > 300.0
     assert after < before / 10
+
+
+def test_table_and_page_say_who_applies_its_corrections(fed: Path) -> None:
+    [row] = frame_summaries(fed)
+    assert 0 < row.said_m < row.before_m / 10
+    story = read_story(fed)
+    [figures] = figures_of(story, frame_series(story)).carriers
+    assert figures.applies
+    assert figures.said_m == row.said_m
+
+
+def test_once_applied_logs_are_drawn_where_the_correction_puts_them(fed: Path) -> None:
+    """As reported and as corrected they differ by no more than a correction changes in a window."""
+    story = read_story(fed)
+    said, strong = logs_of(story, Axes(story), "bravo", Names())
+    late = said.t_s > STEPS / 2
+    of_corrected = strong.t_s > STEPS / 2
+    apart = said.east_north_m[late] - strong.east_north_m[of_corrected]
+    assert np.hypot(*apart.T).max() < 100.0
+    first = said.t_s < WINDOW
+    count = int((strong.t_s < WINDOW).sum())
+    assert count
+    wrong = said.east_north_m[first][-count:] - strong.east_north_m[:count]
+    assert np.hypot(*wrong.T).min() > 100.0
 
 
 def test_a_suspended_correction_is_dropped_again(feeding: Scenario, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace as changed
 
 from crossfix.replaying import speaking
 from crossfix.replaying.remapping import Renames, renames_of
@@ -111,6 +112,19 @@ def test_other_names_stand_in_key_and_envelope(
     assert {(m.carrier, m.stream) for m in reports} == {("a", "mast"), ("bravo", "radar")}
     before = [m.decode() for m in inputs(recording) if m.address.topic is keys.REPORT]
     assert [m.bearing_rad for m in reports] == [m.bearing_rad for m in before]  # type: ignore[attr-defined]
+
+
+def test_a_correction_goes_by_the_new_name_of_its_carrier(recording: Recording) -> None:
+    """Else the fusion centre would not know it for its own."""
+    one = next(m for m in inputs(recording) if m.address.topic is keys.REPORT)
+    said = one.decode()
+    assert isinstance(said, SourceReport)
+    spoken = changed(said, correction_id=f"fusion/{said.carrier}/3")
+    renames = renames_of(["a=alpha", "b=bravo"])
+    ids, rename = renames.ids(one.address)
+    assert rename is not None
+    payload = renames.rewritten(one._replace(payload=codec.encode(spoken)), rename)
+    assert codec.decode(SourceReport, payload).correction_id == f"fusion/{ids['carrier']}/3"
 
 
 @pytest.mark.parametrize("rule", ["", "a", "a=", "=b", "a=B!", "a/radar=b/radar", "a=b/c", "a/b=c"])
