@@ -13,7 +13,7 @@ from pathlib import Path
 
 from bench.figures import Figure, options, report, told
 
-from . import disks, kills, playing, reading, wire, writing
+from . import disks, kills, playing, reading, repeating, wire, writing
 
 
 def main() -> None:
@@ -24,13 +24,14 @@ def main() -> None:
 
 
 def figures(folder: Path, seed: int, size: float) -> Iterator[Figure]:
-    """Everything, in the order of a message's way: to the file, out of it, to the wire again."""
+    """Everything, in the order of a message's way: to the file, out of it, to the wire, fused."""
     yield from writing.figures(folder, seed, size)
     yield from reading.figures(folder, seed, size)
     yield from wire.figures(folder, seed, size)
     yield from kills.figures(folder, seed, max(2, round(20 * size)))
     yield from disks.figures(folder)
     yield from playing.figures(folder, seed, size)
+    yield from repeating.figures(folder, seed, size)
     yield told("size of this run", 100 * size, "%")
 
 

@@ -105,6 +105,12 @@ def _json(summary: Summary) -> str:
     return msgspec.json.encode(facts).decode()
 
 
+def _times(summary: Summary) -> str:
+    if not summary.messages:
+        return "none: no message can be read"
+    return f"{_instant(summary.start_ns)} for {duration_s(summary):.1f} s"
+
+
 def _facts(summary: Summary) -> RenderableType:
     from rich.table import Table
 
@@ -112,7 +118,7 @@ def _facts(summary: Summary) -> RenderableType:
     facts = {
         "recording": f"{summary.path}, {_bytes(summary.bytes)}, {summary.messages} messages",
         "run": f"{header.run}{part(summary)}, scenario {header.scenario or 'unknown'}",
-        "scenario time": f"{_instant(summary.start_ns)} for {duration_s(summary):.1f} s",
+        "scenario time": _times(summary),
         "recorded": f"{_instant(header.created_ns)} by crossfix {_version(summary)}",
         "ending": ending(summary),
         "losses": losses(summary),

@@ -33,7 +33,9 @@ from .player import Outlet
 WINDOW = 8
 """Steps that may be closed before the fusion centre has acknowledged the first of them."""
 PATIENCE_S = 60.0
-"""A fusion centre that acknowledges nothing for so long is not waited for."""
+"""A fusion centre that gets no further for so long is not waited for."""
+REPEAT_S = 0.5
+"""What was said last is said again while it is waited for: nobody else would miss it if lost."""
 LEAVING_S = 20.0
 PUMP_S = 0.02
 ORDER_S = 2.0
@@ -63,6 +65,7 @@ class World:
         self._lives = sorted({(e.carrier, e.boot) for c in closings for e in c.manifest})
         self._acks: Inbox[Sample] = Inbox()
         self._acked = 0
+        self._said: tuple[tuple[keys.Topic, Step | Closed], ...] = ()
 
     @contextmanager
     def present(self, timeout_s: float) -> Iterator[None]:
@@ -98,8 +101,9 @@ class World:
         self._await_ack(closed.step - (1 if events else WINDOW))
         for event in events:
             self._order(event)
-        self._grant(closed.step)
+        granted = self._grant(closed.step)
         self._member.outbox.send(keys.CLOSED_WORLD, (), closed)
+        self._said = ((keys.STEP, granted), (keys.CLOSED_WORLD, closed))
 
     def _order(self, event: Event) -> None:
         """Have the fusion centre take an event with its next step, which is the recorded one.
@@ -121,10 +125,11 @@ class World:
                 got=answer.reason or f"step {answer.step}" if answer else "no answer",
             )
 
-    def _grant(self, step: int) -> None:
+    def _grant(self, step: int) -> Step:
         t_ns = self._scenario.epoch_ns + step * self._scenario.step_ns
         granted = Step(boot=self._member.boot, step=step, t_ns=t_ns)
         self._member.outbox.send(keys.STEP, (), granted)
+        return granted
 
     def _end(self) -> None:
         """Let the fusion centre finish, and leave after it."""
@@ -142,19 +147,26 @@ class World:
         """Return when the fusion centre has acknowledged a step.
 
         Raises:
-            BusError: it acknowledges nothing any more.
+            BusError: it gets no further.
         """
-        heard_s = time.monotonic()
+        went_on_s = said_s = time.monotonic()
         while self._acked < step:
+            acked = self._acked
             for sample in self._acks.take(PUMP_S):
                 ack = codec.decode(Ack, sample.payload, sample.encoding)
                 self._acked = max(self._acked, ack.step)
-                heard_s = time.monotonic()
-            if time.monotonic() - heard_s > PATIENCE_S:
+            now_s = time.monotonic()
+            if self._acked > acked:
+                went_on_s = now_s
+            if now_s - went_on_s > PATIENCE_S:
                 raise BusError(
                     f"the fusion centre acknowledges nothing beyond step {self._acked}",
                     where=self._member.run,
                 )
+            if now_s - said_s > REPEAT_S:
+                said_s = now_s
+                for topic, message in self._said:
+                    self._member.outbox.send(topic, (), message)
 
 
 def await_tokens(bus: Bus, run: str, names: tuple[str, ...], timeout_s: float) -> None:

@@ -89,7 +89,7 @@ class RecordingWriter:
         self.error: RecordingError | None = None
         self.unwritten: Counter[str] = Counter()
         self._max_loss_s = max_loss_s
-        self._flushed_s = float("-inf")
+        self._flushed_s = self._ticked_s = float("-inf")
         self._clock_ns = 0
         self._recorded = self._dropped = 0
         self._pending: Counter[int] = Counter()
@@ -166,8 +166,13 @@ class RecordingWriter:
         self._add(channel, 0, codec.encode(statistics), statistics.t_ns, 0)
 
     def tick(self, now_s: float) -> None:
-        """Flush what has waited for `max_loss_s`; call it often, with a clock that only grows."""
-        if now_s - self._flushed_s >= self._max_loss_s:
+        """Flush what by the next call would have waited for more than `max_loss_s`.
+
+        Call it often, with a clock that only grows; the next call is taken to be as far off as the
+        last one is.
+        """
+        since_last_s, self._ticked_s = now_s - self._ticked_s, now_s
+        if now_s + since_last_s - self._flushed_s > self._max_loss_s:
             self._flushed_s = now_s
             self.flush()
 

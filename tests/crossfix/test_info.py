@@ -56,3 +56,13 @@ def test_no_such_file_is_one_line(path: Path, crossfix: Crossfix) -> None:
     assert shown.code == 2
     assert shown.err.count("\n") == 1
     assert str(path) in shown.err
+
+
+def test_a_recording_without_a_message_has_no_time(tmp_path: Path, crossfix: Crossfix) -> None:
+    path = tmp_path / "begun.mcap"
+    record(path)
+    path.write_bytes(path.read_bytes()[:16_500])
+    shown = crossfix("info", path)
+    assert "0 messages" in shown.out
+    assert "no message can be read" in shown.out
+    assert "1970" not in shown.out

@@ -210,14 +210,17 @@ def test_statistics_stay_beside_the_messages(path: Path) -> None:
         assert recording.end == RunEnd(reason="closed", received=10, recorded=10, gaps=1)
 
 
-def test_tick_flushes_what_has_waited(path: Path) -> None:
+@pytest.mark.parametrize("period_ms", [1, 20, 60, 200])
+def test_tick_flushes_what_would_have_waited_too_long_by_the_next_one(
+    path: Path, period_ms: int
+) -> None:
     sample = next(messages(1))
     with RecordingWriter(path, HEADER, max_loss_s=0.25) as writer:
-        writer.tick(100.0)
+        writer.tick(0.0)
         put(writer, sample)
-        writer.tick(100.24)
-        assert read(path) == []
-        writer.tick(100.25)
+        ticks_ms = range(period_ms, 300, period_ms)
+        flushed_ms = next(ms for ms in ticks_ms if writer.tick(ms / 1000) or read(path))
+        assert flushed_ms <= 250 < flushed_ms + 2 * period_ms
         assert read(path) == [sample]
         size = writer.counts.bytes
         writer.tick(101.0)  # nothing new
