@@ -187,5 +187,4 @@ def _folded(bank: Bank, pairs: Pairs, share: Array) -> Bank:
     stay = 1.0 - sums.of(share[some])
     model = bank.model * stay + sums.of(joint)
     given = joint / np.maximum(model, 1e-300)[:, pairs.track[some]]
-    mean, covariance = folded(bank, pairs.ends.take(some), given)
-    return Bank(mean, covariance, model / model.sum(axis=0))
+    return folded(bank, pairs.ends.take(some), given)._replace(model=model / model.sum(axis=0))

@@ -69,7 +69,7 @@ def _fresh(
     readings = scan.plots.readings().beside()
     if len(readings.value):
         expected = scan.plots.expected(bank.mean, scan.plots.offset_s).beside()
-        expects = foretold(expected, bank.mean, bank.covariance)
+        expects = foretold(expected, bank)
         extra = innovations(readings, expects, every, every)
         fitness = (bank.model * np.exp(extra.log_density)).sum(axis=0)
         bank = corrected(bank, expects, extra)

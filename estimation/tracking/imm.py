@@ -61,11 +61,13 @@ class Bank(NamedTuple):
         mean: (4, models, n) [m, m/s].
         covariance: (4, 4, models, n).
         model: (models, n) probability of each model, columns sum to 1.
+        shared: (4, errors, models, n) covariance with errors of frames, see `frame_errors`.
     """
 
     mean: Array
     covariance: Array
     model: Array
+    shared: Array
 
     def take(self, which: Indices) -> Bank:
         """The tracks `which`, in that order."""
@@ -74,7 +76,12 @@ class Bank(NamedTuple):
 
 def empty(models: int = 2) -> Bank:
     """No tracks."""
-    return Bank(np.zeros((4, models, 0)), np.zeros((4, 4, models, 0)), np.zeros((models, 0)))
+    return bare(np.zeros((4, models, 0)), np.zeros((4, 4, models, 0)), np.zeros((models, 0)))
+
+
+def bare(mean: Array, covariance: Array, model: Array) -> Bank:
+    """Tracks that have nothing to do with frames."""
+    return Bank(mean, covariance, model, np.zeros((4, 0, *model.shape)))
 
 
 def joined(first: Bank, second: Bank) -> Bank:
@@ -97,7 +104,7 @@ def born(place_m: Array, covariance_m2: Array, offset_s: Array, motion: Motion) 
         covariance[k + 2, k + 2] = variance
         covariance[k, k] += variance * offset_s**2
         covariance[k, k + 2] = covariance[k + 2, k] = -variance * offset_s
-    return Bank(mean, covariance, np.repeat(motion.steady()[:, None], n, axis=-1))
+    return bare(mean, covariance, np.repeat(motion.steady()[:, None], n, axis=-1))
 
 
 def predicted(bank: Bank, dt_s: float, motion: Motion) -> Bank:
@@ -122,7 +129,8 @@ def _interacted(bank: Bank, dt_s: float, motion: Motion) -> Bank:
     mixed = [_mixed(bank, given[:, j]) for j in range(motion.models)]
     mean = np.stack([part[0] for part in mixed], axis=1)
     covariance = np.stack([part[1] for part in mixed], axis=2)
-    return Bank(mean, covariance, model)
+    shared = np.einsum("aein,ijn->aejn", bank.shared, given)
+    return Bank(mean, covariance, model, shared)
 
 
 def _mixed(bank: Bank, share: Array) -> tuple[Array, Array]:
@@ -147,4 +155,8 @@ def _moved(bank: Bank, dt_s: float, motion: Motion) -> Bank:
         covariance[k, k + 2] += noise * (dt_s**2 / 2)
         covariance[k + 2, k] += noise * (dt_s**2 / 2)
         covariance[k + 2, k + 2] += noise * dt_s
-    return Bank(mean, covariance, bank.model)
+    shared = bank.shared
+    if shared.size:
+        shared = shared.copy()
+        shared[_PLACE] += dt_s * shared[_RATE]
+    return Bank(mean, covariance, bank.model, shared)

@@ -24,10 +24,14 @@ class Common(NamedTuple):
     Attributes:
         covariance: (3, 3) of (q east, q north [m], D clockwise [rad]).
         pivot_m: (2,) the point about which D turns, the carrier.
+        name: of the frame; errors of a frame without one are forgotten with the scan.
+        slot: first of its columns among what tracks remember of frames, -1 if they do not.
     """
 
     covariance: Array
     pivot_m: Array
+    name: str = ""
+    slot: int = -1
 
 
 class Foretold(NamedTuple):
@@ -38,12 +42,14 @@ class Foretold(NamedTuple):
         spread: (rows, rows, models, n) covariance of what is foretold, the common error included.
         push: (rows, 4, models, n) covariance of the state with it.
         rate: (rows, models, n) of the value by time.
+        push_shared: (rows, errors, models, n) covariance of the errors of frames with it.
     """
 
     value: Array
     spread: Array
     push: Array
     rate: Array
+    push_shared: Array
 
 
 class Innovations(NamedTuple):
@@ -85,35 +91,41 @@ class Innovations(NamedTuple):
         return weight, inverse
 
 
-def foretold(
-    expected: Expected, mean: Array, covariance: Array, common: Common | None = None
-) -> Foretold:
-    """What states (4, models, n) with covariances (4, 4, models, n) should give, and how surely.
+def foretold(expected: Expected, bank: Bank, common: Common | None = None) -> Foretold:
+    """What states should give, and how surely.
 
     Args:
-        common: error shared by the plots; here it widens every pair by itself.
+        common: error shared by the plots; one that tracks do not remember widens every pair anew.
     """
     rows, states = len(expected.value), expected.value.shape[1:]
     push, spread = np.zeros((rows, 4, *states)), np.zeros((rows, rows, *states))
     for row, gradient in enumerate(expected.gradient):
         axes = [axis for axis in range(4) if gradient[axis].any()]
         for axis in axes:
-            push[row] += covariance[:, axis] * gradient[axis]
+            push[row] += bank.covariance[:, axis] * gradient[axis]
         for axis in axes:
             spread[row, : row + 1] += push[: row + 1, axis] * gradient[axis]
+    push_shared = np.einsum("aemn,ramn->remn", bank.shared, expected.gradient)
     if common is not None:
-        spread += _shared(expected.gradient, mean, common)
-    rate = (expected.gradient[:, :2] * mean[2:]).sum(axis=1)
-    return Foretold(expected.value, spread, push, rate)
+        by_frame = np.einsum(
+            "ramn,aimn->rimn", expected.gradient[:, :2], displaced(bank.mean, common.pivot_m)
+        )
+        spread += np.einsum("rimn,ij,sjmn->rsmn", by_frame, common.covariance, by_frame)
+        if common.slot >= 0:
+            mine = slice(common.slot, common.slot + len(common.covariance))
+            crossed = np.einsum("rimn,simn->rsmn", push_shared[:, mine], by_frame)
+            spread += crossed + crossed.swapaxes(0, 1)
+            push += np.einsum("aimn,rimn->ramn", bank.shared[:, mine], by_frame)
+            push_shared[:, mine] += np.einsum("ij,rjmn->rimn", common.covariance, by_frame)
+    rate = (expected.gradient[:, :2] * bank.mean[2:]).sum(axis=1)
+    return Foretold(expected.value, spread, push, rate, push_shared)
 
 
-def _shared(gradient: Array, mean: Array, common: Common) -> Array:
-    """Covariance (rows, rows, models, n) of the readings by the common error."""
-    east, north = mean[:2] - common.pivot_m[:, None, None]
-    turn = gradient[:, 0] * north - gradient[:, 1] * east
-    shared = np.stack([gradient[:, 0], gradient[:, 1], turn])
-    pushed = np.einsum("ij,jrmn->irmn", common.covariance, shared)
-    return np.asarray(np.einsum("irmn,ismn->rsmn", shared, pushed))
+def displaced(mean: Array, pivot_m: Array) -> Array:
+    """By what (2, 3, models, n) an error of a frame displaces the plots of targets."""
+    east, north = mean[:2] - pivot_m[:, None, None]
+    one, none = np.ones_like(east), np.zeros_like(east)
+    return np.stack([np.stack([one, none, north]), np.stack([none, one, -east])])
 
 
 def innovations(readings: Readings, told: Foretold, state: Indices, plot: Indices) -> Innovations:
@@ -164,7 +176,11 @@ def corrected(bank: Bank, told: Foretold, found: Innovations) -> Bank:
     shift, less = corrections(told, found)
     likelihood = np.exp(found.log_density - found.log_density.max(axis=0))
     joint = bank.model * likelihood
-    return Bank(bank.mean + shift, bank.covariance - less, joint / joint.sum(axis=0))
+    return bank._replace(
+        mean=bank.mean + shift,
+        covariance=bank.covariance - less,
+        model=joint / joint.sum(axis=0),
+    )
 
 
 def _raw(

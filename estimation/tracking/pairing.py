@@ -65,23 +65,21 @@ def paired(bank: Bank, scan: Scan, gate: float) -> Paired:
     return Paired(track[kept], plot[kept], each, track, found)
 
 
-def folded(bank: Bank, pairs: Paired, share: Array) -> tuple[Array, Array]:
+def folded(bank: Bank, pairs: Paired, share: Array) -> Bank:
     """First two moments of each model over the hypotheses of its track: a miss, and the pairs.
 
     Args:
         share: (models, k) probability of each pair, given the track and the model.
-
-    Returns:
-        mean (4, models, n), covariance (4, 4, models, n).
     """
-    mean, covariance = bank.mean.copy(), bank.covariance.copy()
+    mean, covariance, shared = (part.copy() for part in (bank.mean, bank.covariance, bank.shared))
     for batch in _by_track(pairs.track):
         some, given = pairs.take(batch), share[:, batch]
         tracks = slice(some.track[0], some.track[-1] + 1)
-        shift, change = _moves(some, given, tracks)
+        shift, change, less = _moves(some, given, tracks)
         mean[..., tracks] += shift
         covariance[..., tracks] += change - shift[:, None] * shift
-    return mean, covariance
+        shared[..., tracks] -= less
+    return bank._replace(mean=mean, covariance=covariance, shared=shared)
 
 
 def _by_track(track: Indices) -> list[Indices]:
@@ -91,18 +89,32 @@ def _by_track(track: Indices) -> list[Indices]:
     return np.split(np.arange(len(track)), np.unique(cuts)[1:]) if len(track) else []
 
 
-def _moves(pairs: Paired, share: Array, tracks: slice) -> tuple[Array, Array]:
-    """Mean shifts (4, models, n) of a run of tracks, and changes (4, 4, models, n) about it."""
+def _moves(pairs: Paired, share: Array, tracks: slice) -> tuple[Array, Array, Array]:
+    """What pairs do to a run of tracks.
+
+    Returns:
+        mean shifts (4, models, n), changes of covariances about the old means (4, 4, models, n),
+        and what is less of the covariances with errors of frames (4, errors, models, n).
+    """
     weight, inverse = pairs.innovations.weights()
     state = pairs.innovations.state
     states = tracks if pairs.owner is None else slice(state[0], state[-1] + 1)
     sums = Sums(state - states.start, states.stop - states.start)
     bent = sums.of((weight[:, None] * weight - inverse) * share)
     shift, change = moved(pairs.told.push[..., states], sums.of(weight * share), bent)
+    less = np.zeros((4, 0, *shift.shape[1:]))
+    if pairs.told.push_shared.shape[1]:
+        less = _learnt(pairs.told, states, sums.of(inverse * share))
     if pairs.owner is None:
-        return shift, change
+        return shift, change, less
     by_track = Sums(pairs.owner[states] - tracks.start, tracks.stop - tracks.start)
-    return by_track.of(shift), by_track.of(change)
+    return by_track.of(shift), by_track.of(change), by_track.of(less)
+
+
+def _learnt(told: Foretold, states: slice, inverse: Array) -> Array:
+    """Decrease (4, errors, models, n) of the covariance with errors of frames."""
+    across = np.einsum("rsmn,semn->remn", inverse, told.push_shared[..., states])
+    return np.asarray(np.einsum("ramn,remn->aemn", told.push[..., states], across))
 
 
 class Sums:
@@ -130,7 +142,7 @@ def _ends(offset_s: Array) -> Array:
 
 def _foretold(bank: Bank, scan: Scan, offset_s: Array | float) -> Foretold:
     expected = scan.plots.expected(bank.mean, offset_s)
-    return foretold(expected, bank.mean, bank.covariance, scan.common)
+    return foretold(expected, bank, scan.common)
 
 
 def _within(

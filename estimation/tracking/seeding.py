@@ -7,7 +7,8 @@ import numpy as np
 from estimation.arrays import Array
 from estimation.tracking import bernoulli, features
 from estimation.tracking.bernoulli import Tracks
-from estimation.tracking.imm import Bank
+from estimation.tracking.frame_errors import begun
+from estimation.tracking.imm import Bank, bare
 from estimation.tracking.tracker import Picture, Settings
 
 
@@ -23,6 +24,7 @@ def seeded(
     """
     classes = np.asarray(settings.classes, dtype=float)[:, None]
     bank = _of_one(mean, covariance, settings.motion.models)
+    bank = begun(bank, None, picture.tracks.bank.shared.shape[1])
     known = features.unknown(settings.features, 1)
     new = Tracks(np.array([picture.begun]), np.array([existence]), bank, classes, known)
     return picture._replace(tracks=bernoulli.joined(picture.tracks, new), begun=picture.begun + 1)
@@ -35,7 +37,9 @@ def restated(picture: Picture, identity: int, mean: Array, covariance: Array) ->
     told = _of_one(mean, covariance, len(bank.model))
     means, covariances = bank.mean.copy(), bank.covariance.copy()
     means[..., row], covariances[..., row] = told.mean[..., 0], told.covariance[..., 0]
-    restated_bank = bank._replace(mean=means, covariance=covariances)
+    shared = bank.shared.copy()
+    shared[..., row] = 0.0
+    restated_bank = bank._replace(mean=means, covariance=covariances, shared=shared)
     return picture._replace(tracks=picture.tracks._replace(bank=restated_bank))
 
 
@@ -43,4 +47,4 @@ def _of_one(mean: Array, covariance: Array, models: int) -> Bank:
     """A bank of one track, the same under all models; which one holds is open."""
     every = np.repeat(mean[:, None, None], models, axis=1)
     spread = np.repeat(covariance[:, :, None, None], models, axis=2)
-    return Bank(every, spread, np.full((models, 1), 1.0 / models))
+    return bare(every, spread, np.full((models, 1), 1.0 / models))

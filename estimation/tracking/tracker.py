@@ -17,10 +17,11 @@ import numpy as np
 
 from estimation.arrays import Array, Indices
 from estimation.object_count import Count, object_count
-from estimation.tracking import bernoulli, imm, undetected
+from estimation.tracking import bernoulli, frame_errors, imm, undetected
 from estimation.tracking.bernoulli import Pairs, PairTerm, Tracks
 from estimation.tracking.births import alone
 from estimation.tracking.features import Layout
+from estimation.tracking.frame_errors import Frames
 from estimation.tracking.imm import Motion
 from estimation.tracking.marginals import Candidates, Marginals, by_belief
 from estimation.tracking.scan import Scan
@@ -64,12 +65,14 @@ class Picture(NamedTuple):
         tracks: all of them, shown or not.
         undetected: targets no track stands for.
         begun: number of tracks ever begun: the identity of the next one.
+        frames: whose errors tracks remember.
     """
 
     t_ns: int
     tracks: Tracks
     undetected: Undetected
     begun: int
+    frames: Frames = frame_errors.NONE
 
 
 class Association(NamedTuple):
@@ -126,7 +129,7 @@ def step(
     Raises:
         ValueError: the scan is older than the picture.
     """
-    now = predicted(before, scan.t_ns, settings)
+    now, scan = _with_frames(predicted(before, scan.t_ns, settings), scan)
     pairs = bernoulli.gated(now.tracks, scan, settings.gate, term)
     classes, layout = np.asarray(settings.classes), settings.features
     lone = alone(now.undetected, scan, settings.motion, classes, layout)
@@ -136,6 +139,8 @@ def step(
     marginals = settings.associate(candidates)
     old = bernoulli.updated(now.tracks, pairs, marginals, detection, scan.features)
     new, begun = _named(lone.tracks, marginals.plot_alone, now.begun, settings.pruned)
+    errors = now.tracks.bank.shared.shape[1]
+    new = new._replace(bank=frame_errors.begun(new.bank, scan.common, errors))
     lost = undetected.vague(settings.region, spread[:2, :2]) & (marginals.track_alone > _MISSED)
     kept = old.take(np.flatnonzero((old.existence >= settings.pruned) & ~lost))
     after = Picture(
@@ -143,6 +148,7 @@ def step(
         bernoulli.joined(kept, new),
         undetected.returned(lone.undetected, place[:2, lost], old.existence[lost]),
         now.begun + len(new.identity),
+        now.frames,
     )
     return after, _association(now.tracks, pairs, marginals, begun)
 
@@ -164,7 +170,14 @@ def predicted(before: Picture, t_ns: int, settings: Settings) -> Picture:
     )
     targets = float(tracks.existence.sum()) + undetected.expected(before.undetected)
     hidden = undetected.aged(before.undetected, dt_s, settings.lifetime_s, targets)
-    return Picture(t_ns, later, hidden, before.begun)
+    return Picture(t_ns, later, hidden, before.begun, before.frames)
+
+
+def _with_frames(now: Picture, scan: Scan) -> tuple[Picture, Scan]:
+    """The picture with the error of the scan's frame among what tracks remember."""
+    frames, bank, common = frame_errors.met(now.frames, now.tracks.bank, scan.common)
+    known = now._replace(tracks=now.tracks._replace(bank=bank), frames=frames)
+    return known, scan._replace(common=common)
 
 
 def shown(picture: Picture, settings: Settings) -> Shown:

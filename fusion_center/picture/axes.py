@@ -80,13 +80,17 @@ class Placed:
         turn = rotation_clockwise(self.turn_rad)
         return np.asarray(turn @ covariance @ turn.T)
 
-    def common(self) -> Common | None:
-        """What the correction leaves unsure of every place alike, along the picture's axes."""
+    def common(self, name: str = "") -> Common | None:
+        """What the correction leaves unsure of every place alike, along the picture's axes.
+
+        Args:
+            name: under which tracks remember it.
+        """
         if self.frame is None:
             return None
         turn = np.eye(3)
         turn[:2, :2] = rotation_clockwise(yaw_rad(self.picture_from_own))
-        return Common(turn @ self.frame.covariance @ transposed(turn), self.place_m())
+        return Common(turn @ self.frame.covariance @ transposed(turn), self.place_m(), name)
 
 
 def placed(state: State, carrier: str, t_ns: int) -> Placed | None:

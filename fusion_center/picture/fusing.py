@@ -140,6 +140,7 @@ def _sane(picture: Picture) -> Picture:
     bank = picture.tracks.bank
     finite = np.isfinite(bank.mean).all(axis=(0, 1)) & np.isfinite(bank.model).all(axis=0)
     finite &= np.isfinite(bank.covariance).all(axis=(0, 1, 2))
+    finite &= np.isfinite(bank.shared).all(axis=(0, 1, 2))
     finite &= np.isfinite(picture.tracks.existence)
     for part in picture.tracks.features:
         finite &= np.isfinite(part).all(axis=0)

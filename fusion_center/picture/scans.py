@@ -65,7 +65,8 @@ def plots(state: State, report: SourceReport, axes: Placed) -> Plots | None:
     share = len(index) / len(report) if memory is not None and len(report) else 1.0
     seen = share * properties.detection_probability
     detection = float(np.clip(seen, LEAST_DETECTION if share else 0.0, MOST_DETECTION))
-    scan = Scan(report.t_ns, measured, view, detection, false / extent, axes.common())
+    common = axes.common(f"{report.carrier}/{state.carriers[report.carrier].boot}")
+    scan = Scan(report.t_ns, measured, view, detection, false / extent, common)
     classes, told = classes_of(state.scenario), properties.features.get(CLASS)
     told_of = evidence(report, index, classes, told, state.settings.picture.class_trust)
     learned = state.picture.learned.get(told_key(state, report), NOTHING_LEARNED)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from estimation.arrays import Array
-from estimation.tracking.imm import Bank
+from estimation.tracking.imm import Bank, bare
 from estimation.tracking.measurements import (
     Measurement,
     RangeRate,
@@ -26,7 +26,7 @@ def some_bank(rng: np.random.Generator, count: int, half_m: float = 20e3, models
     root = rng.normal(0, 1, (models, count, 4, 4)) * [60.0, 60.0, 6.0, 6.0]
     covariance = np.moveaxis(np.swapaxes(root, -1, -2) @ root, (2, 3, 0, 1), (0, 1, 2, 3))
     share = rng.uniform(0.05, 0.95, (models, count))
-    return Bank(mean, covariance, share / share.sum(axis=0))
+    return bare(mean, covariance, share / share.sum(axis=0))
 
 
 def plots_of(kind: str, rng: np.random.Generator, place_m: Array) -> Measurement:

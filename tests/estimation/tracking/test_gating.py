@@ -31,8 +31,8 @@ def test_no_pair_within_the_gate_is_missed(kind: str, with_common: bool, half_m:
     scan = Scan(0, plots, View(SITE), 0.9, 1e-8, common)
     found = bernoulli.gated(tracks, scan, GATE)
     track, plot = (axis.ravel() for axis in np.mgrid[:60, :60])
-    mean, covariance, _ = bank.take(track)
-    told = foretold(plots.expected(mean, plots.offset_s[plot]), mean, covariance, common)
+    each = bank.take(track)
+    told = foretold(plots.expected(each.mean, plots.offset_s[plot]), each, common)
     every = innovations(plots.readings(), told, np.arange(len(track)), plot)
     inside = (every.distance_squared() <= GATE).any(axis=0)
     assert inside.sum() >= 40

@@ -131,7 +131,7 @@ def pairs_of(plots: Measurement, bank: Bank, common: Common | None = None) -> In
     """Each plot with the track of its number."""
     every = np.arange(plots.size)
     expected = plots.expected(bank.mean, plots.offset_s)
-    told = foretold(expected, bank.mean, bank.covariance, common)
+    told = foretold(expected, bank, common)
     return Innovated(told, innovations(plots.readings(), told, every, every))
 
 
