@@ -46,7 +46,10 @@ class Shapes:
 
     def learn(self, message: type[Input], payload: bytes) -> Read | None:
         """What reads messages with the fields of this one, which is valid; None if nothing does."""
-        raw: Mapping[str, Any] = msgspec.msgpack.decode(payload)
+        try:
+            raw: Mapping[str, Any] = msgspec.msgpack.decode(payload)
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError, OverflowError):
+            return None  # in a field that nobody reads
         shape = (message, tuple(raw))
         if shape not in self._reads and len(self._reads) < MAX_SHAPES and _is_plain(*shape):
             self._reads[shape] = _reading(*shape)

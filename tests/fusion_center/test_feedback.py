@@ -31,7 +31,7 @@ from tests.fusion_center.scenes import (
 )
 from tests.fusion_center.test_pipeline_laws import lively, nameless
 
-STEPS, LAG = 12, 3
+STEPS, LAG = 10, 3
 Held = dict[str, list[Correction]]
 Wrong = Callable[[Input], Input]
 
@@ -92,7 +92,7 @@ def test_feedback_changes_no_estimate(make: Callable[[], Scene]) -> None:
     """Every number of every output, with feedback and without; places to a micrometre."""
     plain, _ = run(make(), with_feedback=False)
     fed, said = run(make(), with_feedback=True)
-    assert sum(bool(getattr(m, "correction_id", "")) for m in said) > STEPS
+    assert sum(bool(getattr(m, "correction_id", "")) for m in said) > 6
     assert words(fed) == words(plain)
     assert numbers(fed) == pytest.approx(numbers(plain), rel=1e-6, abs=1e-6)
 
@@ -212,6 +212,19 @@ def test_a_correction_that_was_never_sent_is_not_believed(name: str) -> None:
     assert rows["radar"].logs == 0
     assert "was never sent: not used" in rows["radar"].flag
     assert quality(outputs[-1]).messages == 3  # two of a's, and b's navigation
+
+
+def test_who_holds_an_unknown_correction_is_not_in_the_picture() -> None:
+    """Its reports may name none: where they lie is not known either."""
+
+    def spoilt(message: Input) -> Input:
+        wrong = message.carrier == "b" and isinstance(message, Navigation) and message.step > 6
+        return changed(message, correction_id="b-7") if wrong else message
+
+    outputs, _ = run(two_ships(), with_feedback=False, spoilt=spoilt)
+    before, after = of_radar(outputs[5], "b"), of_radar(outputs[6], "b")
+    assert before.taken + before.lone == before.logs == after.logs
+    assert (after.taken, after.lone) == (0, 0)
 
 
 def test_a_known_correction_without_the_pose_before_it_is_not_believed() -> None:

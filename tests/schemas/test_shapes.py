@@ -126,3 +126,11 @@ def test_only_so_many_shapes_are_learnt(monkeypatch: pytest.MonkeyPatch) -> None
     assert first is not None
     assert known.learn(SourceReport, packed(REPORT | {"east_m": [1.0, 2.0]})) is None
     assert known.learn(SourceReport, packed(REPORT)) is first
+
+
+def test_a_field_that_nobody_reads_may_hold_anything() -> None:
+    """Text that is none, in a field we do not know: the codec skips it, and so does a lane."""
+    payload = packed(REPORT | {"unknown": "ab"}).replace(b"\xa2ab", b"\xa2\xff\xfe")
+    fresh = Lane(Shapes(), STREAM, SourceReport, ENCODING)
+    for tried in (fresh, lane()):
+        assert outcome(lambda tried=tried: tried.next(payload)) == (7, 5)  # type: ignore[misc]

@@ -8,6 +8,7 @@ import pytest
 
 from fusion_center.recorder import thread
 from schemas import keys
+from schemas.bus.interface import Inbox, Sample
 from schemas.bus.member import Buses, Member
 from schemas.bus.memory_bus import MemoryNetwork
 from schemas.bus.patience import HubPatience
@@ -68,6 +69,7 @@ def test_a_run_ends_without_its_hub_and_its_recording_is_sealed(
     assert refused(path)[: len(outputs(path))]
 
 
+@pytest.mark.slow
 def test_a_hub_that_comes_back_in_time_ends_nothing(scenario: Scenario, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
 
@@ -84,27 +86,19 @@ def test_a_hub_that_comes_back_in_time_ends_nothing(scenario: Scenario, tmp_path
     assert outputs(path) == refused(path)
 
 
-def test_a_second_world_of_a_run_is_refused_and_disturbs_nothing(
-    scenario: Scenario, tmp_path: Path
-) -> None:
-    path = tmp_path / "run.mcap"
-    said: list[str] = []
-
-    def again(run: MemoryRun) -> None:
-        run.await_step(5)
-        buses = Buses(run.network.bus("second"), run.network.bus("second"))
-        member = Member(run.run, keys.WORLD, buses)
-        node = WorldNode(World(scenario), scenario.declared, scenario.truth, member, Pace())
-        with pytest.raises(LaunchError) as refusal:
-            node.run()
-        said.append(str(refusal.value))
-        buses.close()
-
+def test_a_second_world_of_a_run_is_refused_before_it_says_a_word(scenario: Scenario) -> None:
+    run = scenario.declared.name
+    heard: Inbox[Sample] = Inbox()
     with MemoryNetwork() as network:
-        run = MemoryRun(scenario, network, path)
-        run.fusion_delay_s = 0.02
-        run.carry_out(again)
-    assert said
-    assert "a world of this run is alive" in said[0]
-    assert "another --run" in said[0]
-    assert outputs(path) == refused(path)
+        network.bus("listener").subscribe(keys.everything(run), heard)
+        buses = Buses(network.bus("second"), network.bus("second"))
+        member = Member(run, keys.WORLD, buses)
+        node = WorldNode(World(scenario), scenario.declared, scenario.truth, member, Pace())
+        with (
+            network.bus("first").announce(keys.alive(run, keys.WORLD, "b1")),
+            pytest.raises(LaunchError, match=r"a world of this run is alive.*another --run"),
+        ):
+            node.run()
+        assert heard.take() == []
+        node.stop("it may run now")
+        assert node.run() == "it may run now"
