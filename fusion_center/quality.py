@@ -43,6 +43,8 @@ class _Match(NamedTuple):
     own_log: str
     other_log: str
     method: Method
+    by_place: float
+    by_features: float
 
 
 class Tally:
@@ -130,7 +132,7 @@ class Tally:
         """The pairs of one registration of (own, other) and their misclosures (L,)."""
         self._matches.pop(carriers, None)  # the order is that of the last registrations
         self._matches[carriers] = [
-            _Match(own.target(p.own), own.log[p.own], other.log[p.other], p.method) for p in pairs
+            _Match(own.target(p.own), own.log[p.own], other.log[p.other], *p[2:]) for p in pairs
         ]
         for carrier, logs in zip(carriers, (own, other), strict=True):
             fresh = (i for i, is_fresh in enumerate(logs.fresh) if is_fresh)
@@ -182,6 +184,7 @@ class Tally:
             AssociatedTarget(
                 logs=[found[-1].own_log, *sorted(match.other_log for match in found)],
                 method=_least_sure(found),
+                **_split(found),
             )
             for found in by_target.values()
         ]
@@ -202,6 +205,18 @@ class Tally:
 
 def _per_degree(nis: float, dof: int) -> float:
     return min(max(nis / dof, 0.0), 1e18) if dof else 0.0
+
+
+def _split(found: Iterable[_Match]) -> dict[str, float]:
+    """What coordinates and features say of the least sure pair, where features say anything."""
+    told = [match for match in found if match.by_features]
+    if not told:
+        return {}
+    worst = min(told, key=lambda match: match.by_place + match.by_features)
+    return {
+        "log_ratio_coordinates": worst.by_place,
+        "log_ratio_features": worst.by_features,
+    }
 
 
 def _least_sure(found: Iterable[_Match]) -> Method:

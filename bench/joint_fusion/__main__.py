@@ -6,9 +6,9 @@ Run `python -m bench.joint_fusion [--seed N] [--runs N] [--json]`.
 from __future__ import annotations
 
 from bench.figures import options, report
-from bench.joint_fusion import classes, instants, pairs, picture, rules, speed, track_logs
+from bench.joint_fusion import classes, frames, instants, pairs, picture, rules, speed, track_logs
 
-MODULES = (instants, rules, pairs, classes, track_logs, picture, speed)
+MODULES = (instants, rules, pairs, classes, track_logs, frames, picture, speed)
 
 
 def main() -> None:

@@ -19,6 +19,7 @@ from estimation.frames import polar_from_east_north, rotation_clockwise, wrap_pi
 _SIGMAS = 3.0  # that the two distances may differ
 _LEAST_SEPARATION = 4.0  # sigmas of the distance: nearer targets tell no heading
 _MOST_VOTES = 300_000
+_UNLIKELY = -4.0  # log ratio of features at which two pairs have no vote
 _CELL_SIGMAS = 4.0  # the width of a cell, which is counted with its neighbours
 _CELLS_ACROSS, _CELLS_AROUND = 120, 120
 
@@ -82,7 +83,7 @@ def _votes(given: Problem, middle_m: Array) -> _Votes:
     mine, theirs = _alike(own, other)
     one = given.log_ratio[own.start[mine], other.start[theirs]]
     two = given.log_ratio[own.end[mine], other.end[theirs]]
-    allowed = np.isfinite(one + two)
+    allowed = one + two > _UNLIKELY
     mine, theirs = mine[allowed], theirs[allowed]
     turn = wrap_pi(own.bearing_rad[mine] - other.bearing_rad[theirs])
     lever = middle_m - other.middle_m[theirs]

@@ -20,6 +20,7 @@ from estimation.arrays import Array, Indices
 WRONG = 1e-3
 """Share of values that have nothing to do with their target."""
 _FADES = 1.0 + 1.0 / 15.0  # of a variance at each value: sixteen of them are remembered
+_SCALES = (1.0, 4.0, 16.0)  # of the variance between two sources, as likely each
 _LEAST_SHARE = 1e-3  # of a category, however often others were named
 
 
@@ -166,11 +167,16 @@ def agreement(
 ) -> Array:
     """Log-likelihood ratio (k,) that tracks i of one side and j of another are of one target.
 
+    Two sources may mean a little different things by one name, or err alike from value to value:
+    how much their means differ is known to a factor only.
+
     Args:
         width: (P,) of the population of each number.
     """
+    apart = one.mean[:, i] - other.mean[:, j]
     spread = one.variance[:, i] + other.variance[:, j]
-    density = _normal(one.mean[:, i] - other.mean[:, j], spread) * width[:, None]
+    density = sum(_normal(apart, scale * spread) for scale in _SCALES) * width[:, None]
+    density /= len(_SCALES)
     known = (1.0 - one.unsaid[:, i]) * (1.0 - other.unsaid[:, j])
     numbers = WRONG + (1.0 - WRONG) * (1.0 - known + known * density)
     joint = one.shares[:, i] * other.shares[:, j] / layout.evenly

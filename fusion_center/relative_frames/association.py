@@ -13,21 +13,34 @@ from estimation.frames import rotation_clockwise
 from estimation.relative_frame import OwnAxesFrame
 
 from ..sources.sightings import Sightings
+from ..sources.telling import NOTHING_TELLS, Telling
 from ..state import Orders
 
 Method = Literal["operator", "identity", "coordinates"]
 
 
 class Pair(NamedTuple):
-    """Which of the own logs and which of the other carrier's, and why."""
+    """Which of the own logs and which of the other carrier's, and why.
+
+    Attributes:
+        by_place, by_features: what each adds to the log-likelihood ratio on which coordinates and
+            features have decided together; 0 of other methods.
+    """
 
     own: int
     other: int
     method: Method
+    by_place: float = 0.0
+    by_features: float = 0.0
 
 
 def associate(
-    own: Sightings, other: Sightings, orders: Orders, frame: OwnAxesFrame | None, gate: float
+    own: Sightings,
+    other: Sightings,
+    orders: Orders,
+    frame: OwnAxesFrame | None,
+    gate: float,
+    telling: Telling = NOTHING_TELLS,
 ) -> list[Pair]:
     """One-to-one pairs, the surest kind first; what is paired is out of the later kinds.
 
@@ -35,11 +48,12 @@ def associate(
         other: its places turned into own axes as far as navigation knows, see `registration`.
         frame: where the other carrier's frame lies; None = not known well enough for coordinates.
         gate: chi2 of 2 dof within which coordinates may pair.
+        telling: how features tell targets apart.
     """
     forbidden = _Forbidden(own, other, orders)
     pairs = certain(own, other, orders)
     if frame is not None:
-        pairs += _by_coordinates(own, other, frame, gate, forbidden, pairs)
+        pairs += _by_coordinates(own, other, frame, (gate, telling), forbidden, pairs)
     return pairs
 
 
@@ -115,14 +129,17 @@ def _by_coordinates(
     own: Sightings,
     other: Sightings,
     frame: OwnAxesFrame,
-    gate: float,
+    rules: tuple[float, Telling],
     forbidden: _Forbidden,
     taken: Sequence[Pair],
 ) -> list[Pair]:
     """The likeliest assignment within the gate, a pair left out being as unlikely as the worst.
 
+    Features make a pair within the gate likelier or less likely, perhaps less than none.
+
     A log that has been paired takes no part, nor do two logs whose identities of one kind differ.
     """
+    gate, telling = rules
     free_own = _free(len(own.log), (pair.own for pair in taken))
     free_other = _free(len(other.log), (pair.other for pair in taken))
     if not (free_own.size and free_other.size):
@@ -133,13 +150,24 @@ def _by_coordinates(
         a, b = int(free_own[i]), int(free_other[j])
         if forbidden(a, b) or _contradict(own.identity[a], other.identity[b]):
             possible[i, j] = False
-    cost = distance2 + np.log(spread)
     left_out = gate + np.log(spread[possible]).max(initial=0.0)
+    by_place = (left_out - distance2 - np.log(spread)) / 2
+    told = np.zeros(possible.shape)
+    i, j = np.nonzero(possible)
+    told[i, j] = telling.log_ratio(own.features, other.features, free_own[i], free_other[j])
+    possible &= (by_place + told > 0) | (told == 0)
     from scipy.optimize import linear_sum_assignment  # 0.4 s, kept out of the start
 
-    chosen = linear_sum_assignment(np.where(possible, np.minimum(cost - left_out, 0.0), 0.0))
+    gain = np.where(possible, np.maximum(by_place + told, 0.0), 0.0)
+    chosen = linear_sum_assignment(-gain)
     return [
-        Pair(int(free_own[i]), int(free_other[j]), "coordinates")
+        Pair(
+            int(free_own[i]),
+            int(free_other[j]),
+            "coordinates",
+            float(by_place[i, j]),
+            float(told[i, j]),
+        )
         for i, j in zip(*chosen, strict=True)
         if possible[i, j]
     ]

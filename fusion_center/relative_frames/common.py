@@ -13,17 +13,24 @@ from estimation.frames import rotation_clockwise
 from estimation.relative_frame import NetworkLogs, OwnAxesFrame, PolarLogs
 
 from ..sources.sightings import Sightings
+from ..sources.telling import NOTHING_TELLS, Telling
 from ..state import Orders
 from .association import Method, associate
 from .views import View
 
 
 class Member(NamedTuple):
-    """One track: the number of its carrier, 0 the own one, its row there, and how it was paired."""
+    """One track: the number of its carrier, 0 the own one, its row there, and how it was paired.
+
+    Attributes:
+        by_place, by_features: as of a `Pair`.
+    """
 
     carrier: int
     row: int
     method: Method
+    by_place: float = 0.0
+    by_features: float = 0.0
 
 
 Target = tuple[Member, ...]
@@ -31,7 +38,11 @@ Target = tuple[Member, ...]
 
 
 def common_targets(
-    views: Sequence[View], frames: Sequence[OwnAxesFrame], orders: Orders, gate: float
+    views: Sequence[View],
+    frames: Sequence[OwnAxesFrame],
+    orders: Orders,
+    gate: float,
+    telling: Telling = NOTHING_TELLS,
 ) -> list[Target]:
     """Targets that two or more carriers see.
 
@@ -39,13 +50,14 @@ def common_targets(
         views: of the own carrier and of those that are followed, along the axes of the own plane.
         frames: of the latter.
         gate: chi2 of 2 dof within which coordinates may pair.
+        telling: how features tell targets apart.
     """
     table = _plain(views[0])
     members: list[list[Member]] = [[Member(0, row, "coordinates")] for row in range(len(table.log))]
     for number, (view, frame) in enumerate(zip(views[1:], frames, strict=True), 1):
-        pairs = associate(table, view, orders, frame, gate)
+        pairs = associate(table, view, orders, frame, gate, telling)
         for pair in pairs:
-            members[pair.own].append(Member(number, pair.other, pair.method))
+            members[pair.own].append(Member(number, pair.other, pair.method, *pair[3:]))
         paired = {pair.other for pair in pairs}
         alone = np.array([i for i in range(len(view.log)) if i not in paired], dtype=np.intp)
         if number < len(frames) and alone.size:
@@ -75,6 +87,7 @@ def in_own_axes(view: View, frame: OwnAxesFrame) -> Sightings:
         frame.q_m + seen,
         turn @ view.covariance @ turn.T + considered,
         plain.altitude_m,
+        plain.features,
     )
 
 

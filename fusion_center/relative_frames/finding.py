@@ -24,6 +24,7 @@ from estimation.relative_frame.joint import composed
 from estimation.relative_frame.situation import reasons
 
 from ..quality import MOST_NIS, Tally
+from ..sources.telling import telling
 from ..state import Estimate, Link, State
 from . import corrections, frames, monitor, registration, search
 from .association import Pair
@@ -138,7 +139,8 @@ def _is_determined(start: Start | None) -> bool:
 def _against(state: State, moment: Moment, name: str, base: Base) -> tuple[Found, Start | None]:
     """A search against one carrier, and the frame where it comes to one."""
     settings = state.settings.registration
-    found = search.searched(base.view, moment.others[name], base.prior, state.orders, settings)
+    other, tells = moment.others[name], telling(state)
+    found = search.searched(base.view, other, base.prior, state.orders, settings, tells)
     if not found.pairs:
         return found, None
     start = _adjusted(state, moment, name, base, found)

@@ -22,6 +22,7 @@ from estimation.relative_frame.joint import JointFrames
 from schemas.messages import SourceTerm
 
 from ..quality import MOST_NIS, Tally
+from ..sources.telling import telling
 from ..state import Estimate, Frames, Link, Monitor, State
 from . import corrections, frames, monitor, scans, search, watching
 from .association import Pair
@@ -57,7 +58,8 @@ def _scanned(state: State, moment: Moment, names: Sequence[str], tally: Tally) -
     names = [name for name in known.carriers if name in names]
     views = [moment.own, *(moment.others[name] for name in names)]
     expected = [frames.frame_of(known, name) for name in names]
-    targets = common_targets(views, expected, state.orders, state.settings.association.gate)
+    gate = state.settings.association.gate
+    targets = common_targets(views, expected, state.orders, gate, telling(state))
     logs = network_logs(views, targets)
     rows = np.array([0, *(frames.row(known, name) for name in names)], dtype=np.intp)
     limits = _limits(state.settings.monitor.chi2_false_alarm)
@@ -142,7 +144,8 @@ def _is_due_for_doubt(state: State, link: Link, pairs: int, only_named: bool) ->
 def _doubts(state: State, moment: Moment, name: str, link: Link, frame: OwnAxesFrame) -> int:
     """How many searches in a row have found another frame."""
     prior, other = moment.prior[name], moment.others[name]
-    found = search.searched(moment.own, other, prior, state.orders, state.settings.registration)
+    settings, tells = state.settings.registration, telling(state)
+    found = search.searched(moment.own, other, prior, state.orders, settings, tells)
     if found.frame is None:
         return 0
     apart = np.append(found.frame.q_m - frame.q_m, wrap_pi(found.frame.D_rad - frame.D_rad))
@@ -221,7 +224,7 @@ def _count(
         lead = target[0]
         for member in target[1:]:
             pairs, nis = told.setdefault((lead.carrier, member.carrier), ([], []))
-            pairs.append(Pair(lead.row, member.row, member.method))
+            pairs.append(Pair(lead.row, member.row, *member[2:]))
             nis.append(squared)
     for (one, other), (pairs, nis) in told.items():
         scores: Array = np.array(nis)

@@ -20,15 +20,19 @@ from estimation.acquisition import (
     Velocities,
     acquire,
 )
+from estimation.arrays import Array
 from estimation.relative_frame import OwnAxesFrame, PolarLogs, RelativeFramePrior
 
 from ..settings import RegistrationSettings
+from ..sources.telling import NOTHING_TELLS, Telling
 from ..state import Orders
 from .association import Pair, certain, ruled_out
 from .views import View
 
 TELLING_MPS = 5.0
 """Sigma of a velocity, per axis, from which it tells ships apart."""
+LEAST_DOUBT = 1e-12
+"""That a pair is wrong, or right."""
 
 
 class Found(NamedTuple):
@@ -48,12 +52,18 @@ class Found(NamedTuple):
 
 
 def searched(
-    own: View, other: View, prior: RelativeFramePrior, orders: Orders, now: RegistrationSettings
+    own: View,
+    other: View,
+    prior: RelativeFramePrior,
+    orders: Orders,
+    now: RegistrationSettings,
+    telling: Telling = NOTHING_TELLS,
 ) -> Found:
     """Pairs of two carriers' tracks when nothing but the prior is known of the other's frame.
 
     Args:
         other: its places along the axes of the own plane.
+        telling: how features tell targets apart.
 
     Raises:
         LinAlgError, ValueError: covariances or places so extreme that nothing can be computed.
@@ -63,17 +73,37 @@ def searched(
     theirs = _surest(other, [pair.other for pair in sure], now.most_tracks)
     logs = _polar(own, mine), _polar(other, theirs)
     known = _constraints(own, other, (mine, theirs), sure, orders)
-    clues = Clues(_velocities(own, mine), _velocities(other, theirs))
+    ratio = _told(own, other, (mine, theirs), telling)
+    clues = Clues(_velocities(own, mine), _velocities(other, theirs), log_ratio=ratio)
     found = acquire(*logs, prior, clues, known, Settings(trust=now.trust))
     if not _probability(found) > now.trust or found.status == "nothing":  # never of nan
         return Found([], _probability(found), found.sentence)
     best = found.modes[0]
     how = {(pair.own, pair.other): pair.method for pair in sure}
+    by_features = ratio[best.own, best.other]
+    chance = np.clip(best.pair_probability, LEAST_DOUBT, 1.0 - LEAST_DOUBT)
+    by_place = np.log(chance / (1.0 - chance)) - by_features
+    rows = zip(
+        mine[best.own].tolist(),
+        theirs[best.other].tolist(),
+        by_place.tolist(),
+        by_features.tolist(),
+        strict=True,
+    )
     pairs = [
-        Pair(i, j, how.get((i, j), "coordinates"))
-        for i, j in zip(mine[best.own].tolist(), theirs[best.other].tolist(), strict=True)
+        Pair(i, j, how[i, j]) if (i, j) in how else Pair(i, j, "coordinates", place, told)
+        for i, j, place, told in rows
     ]
     return Found(pairs, best.probability, found.sentence, best.frame)
+
+
+def _told(
+    own: View, other: View, which: tuple[NDArray[np.intp], NDArray[np.intp]], telling: Telling
+) -> Array:
+    """Log-likelihood ratios (N1, N2) of the tracks searched, by their features."""
+    i, j = (axis.ravel() for axis in np.meshgrid(*which, indexing="ij"))
+    ratio: Array = telling.log_ratio(own.features, other.features, i, j)
+    return ratio.reshape(len(which[0]), len(which[1]))
 
 
 def _surest(view: View, needed: list[int], most: int) -> NDArray[np.intp]:

@@ -22,6 +22,7 @@ from schemas.messages import SourceProperties
 
 from ..navigation import NS, site, way_m
 from ..sources.sightings import Sightings
+from ..sources.telling import refitted, run_dictionary
 from ..sources.tracks import NAMELESS
 from ..state import CarrierState, SourceLogs, State
 from .corrections import Poses
@@ -109,6 +110,7 @@ def _of_source(
         east_north_m=bank.state[:, :2],
         covariance=bank.covariance[:, :2, :2] + blur,
         altitude_m=logs.altitude_m[which],
+        features=refitted(logs.features[which], logs.dictionary, run_dictionary(state)),
         velocity_mps=rates,
         velocity_covariance=spread,
         plot_m=logs.place_m[0, which] + after_s[:, None] * rates,
@@ -157,6 +159,7 @@ _NOTHING = View(
     east_north_m=np.zeros((0, 2)),
     covariance=np.zeros((0, 2, 2)),
     altitude_m=np.zeros(0),
+    features=np.zeros((0, 0)),
     velocity_mps=np.zeros((0, 2)),
     velocity_covariance=np.zeros((0, 2, 2)),
     plot_m=np.zeros((0, 2)),

@@ -12,8 +12,10 @@ from ..quality import Tally
 from ..relative_frames.frames import forgotten
 from ..state import CarrierState, Link, Monitor, State
 from .coordinates import Observer, instants_ns, places
+from .features import NOTHING_LEARNED
 from .logs import NO_LOGS, Rules, with_report
 from .news import NOTHING_TOLD, has_tracks, news
+from .telling import run_dictionary
 
 
 def take_part(state: State, closed: Closed) -> State:
@@ -72,7 +74,10 @@ def _with_report(state: State, report: SourceReport, tally: Tally) -> State:
         found, told = news(told, report, properties, found, ways)
         carrier = replace(carrier, told={**carrier.told, report.stream: told})
     before = carrier.logs.get(report.stream, NO_LOGS)
-    rules = Rules(settings, state.settings.tracking, properties)
+    key = f"{report.carrier}/{carrier.boot}/{report.stream}"
+    learned = state.picture.learned.get(key, NOTHING_LEARNED)
+    known = run_dictionary(state)
+    rules = Rules(settings, state.settings.tracking, properties, known, learned)
     logs, absorbed = with_report(before, report, found, ways, rules)
     tally.fused(report, absorbed)
     carrier = replace(carrier, logs={**carrier.logs, report.stream: logs})

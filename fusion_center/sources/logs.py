@@ -15,8 +15,10 @@ from schemas.messages import SourceProperties, SourceReport
 
 from ..navigation import NS
 from ..settings import LogSettings, TrackingSettings
-from ..state import SourceLogs
+from ..state import Dictionary, Learned, SourceLogs
 from .coordinates import Places, instants_ns
+from .features import NOTHING_LEARNED, Heard, heard
+from .telling import after_logs, refitted
 from .tracks import NAMELESS, Plots, filtered, named, sensing, unseen
 
 LEAP_SIGMAS = 6.0
@@ -65,15 +67,23 @@ NO_LOGS = SourceLogs(
     existence=np.zeros(0),
     hits=np.zeros(0, dtype=np.int64),
     used_t_ns=np.zeros(0, dtype=np.int64),
+    features=np.zeros((0, 0)),
 )
 
 
 class Rules(NamedTuple):
-    """How logs are kept and made tracks."""
+    """How logs are kept and made tracks.
+
+    Attributes:
+        source: what it declares; learned: what is known of how well it tells features.
+        dictionary: of the features of the run.
+    """
 
     logs: LogSettings = LogSettings()
     tracking: TrackingSettings = TrackingSettings()
     source: SourceProperties = SourceProperties()
+    dictionary: Dictionary = Dictionary()
+    learned: Learned = NOTHING_LEARNED
 
 
 def with_report(
@@ -110,7 +120,9 @@ def with_report(
     )
     lives = existence > rules.tracking.give_up
     kept, existence = kept[lives], existence[lives]
-    merged = _merged(logs, fresh, used, previous[used], (kept, existence), (rules, now, born))
+    said = heard(report, np.arange(len(report)), rules.source, rules.dictionary, rules.learned)
+    rest = (kept, existence)
+    merged = _merged(logs, fresh, used, previous[used], rest, (rules, now, born, said))
     return merged, Absorbed(
         logs=len(report),
         sigma_defaults=int(places.defaulted.sum()),
@@ -220,15 +232,16 @@ def _merged(
     used: NDArray[np.intp],
     previous: NDArray[np.int64],
     rest: tuple[NDArray[np.int64], Array],
-    told: tuple[Rules, Sensing, int],
+    told: tuple[Rules, Sensing, int, Heard | None],
 ) -> SourceLogs:
     """The used fresh logs, each before its previous one, and after them the kept targets.
 
     Args:
         rest: the kept targets and the probabilities of their existence.
-        told: the rules, what is assumed of the source, how many nameless tracks have begun.
+        told: the rules, what is assumed of the source, how many nameless tracks have begun, what
+            the logs say of features.
     """
-    (kept, existence), (rules, now, born) = rest, told
+    (kept, existence), (rules, now, born, said) = rest, told
     gap_s = (fresh.t_ns[used] - np.append(logs.t_ns[0], 0)[previous]) * NS
     # no straight line over a longer gap
     previous = np.where((previous >= 0) & (gap_s <= rules.logs.max_age_s), previous, -1)
@@ -244,6 +257,9 @@ def _merged(
         logs, fresh.plots.take(used), previous, nameless, now, (rules.logs, rules.tracking)
     )
     served = np.append(logs.used_t_ns, -1)[previous]
+
+    rows = refitted(logs.features, logs.dictionary, rules.dictionary)
+    improved = after_logs(rows, previous, used, said, rules.dictionary)
 
     most = rules.logs.max_per_source
     return SourceLogs(
@@ -264,6 +280,8 @@ def _merged(
         existence=np.concatenate([bank.existence, existence])[:most],
         hits=np.concatenate([bank.hits, logs.hits[kept]])[:most],
         used_t_ns=np.concatenate([served, logs.used_t_ns[kept]])[:most],
+        features=np.concatenate([improved, rows[kept]])[:most],
+        dictionary=rules.dictionary,
     )
 
 

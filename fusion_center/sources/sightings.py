@@ -28,6 +28,7 @@ class Sightings:
         east_north_m: (n, 2) from the carrier's reported position, in its believed axes.
         covariance: (n, 2, 2) [m^2].
         altitude_m: (n,) above the ellipsoid.
+        features: (n, columns) what is known of them, see `telling`.
     """
 
     log: tuple[str, ...]
@@ -38,6 +39,7 @@ class Sightings:
     east_north_m: Array
     covariance: Array
     altitude_m: Array
+    features: Array
 
     def target(self, i: int) -> str:
         """What the i-th is called within its carrier, the same from log to log if it has a name."""
@@ -86,6 +88,8 @@ def sightings(
     Args:
         boot: ordinal of the carrier's life, part of a log's id.
         way_m: (2,) the carrier's dead-reckoned way at that instant.
+
+    The baselines that use this know of no features.
     """
     seen = [
         _Seen(carrier, boot, name, logs[name], *at_instant(logs[name], t_ns, settings))
@@ -100,6 +104,7 @@ def sightings(
         east_north_m=np.concatenate([np.zeros((0, 2)), *(s.place_m for s in seen)]) - way_m,
         covariance=np.concatenate([np.zeros((0, 2, 2)), *(s.covariance for s in seen)]),
         altitude_m=np.concatenate([np.zeros(0), *(s.logs.altitude_m[s.which] for s in seen)]),
+        features=np.zeros((sum(len(s.which) for s in seen), 0)),
     )
 
 

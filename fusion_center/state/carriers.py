@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from schemas.messages import Navigation, SourceProperties, StreamSpan
 
+from .features import Dictionary
+
 
 class Boots(Struct, frozen=True):
     """Lives of one carrier as the Closed messages named them.
@@ -60,6 +62,7 @@ class SourceLogs(Struct, frozen=True, kw_only=True, eq=False):
         existence: (n,) probability that there is such a target.
         hits: (n,) logs so far.
         used_t_ns: (n,) newest log that has served to follow frames; -1 = none.
+        features: (n, columns) what is known of them, see `sources.telling`; by `dictionary`.
     """
 
     report_seq: int
@@ -79,6 +82,8 @@ class SourceLogs(Struct, frozen=True, kw_only=True, eq=False):
     existence: NDArray[np.float64]
     hits: NDArray[np.int64]
     used_t_ns: NDArray[np.int64]
+    features: NDArray[np.float64]
+    dictionary: Dictionary = Dictionary()
 
 
 class Told(Struct, frozen=True, kw_only=True, eq=False):

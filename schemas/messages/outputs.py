@@ -245,11 +245,19 @@ class Tracks(Output, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class AssociatedTarget(Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """Logs of several carriers taken for one target, and by what."""
+    """Logs of several carriers taken for one target, and by what.
+
+    Attributes:
+        logs: newest of each source, carrier/n/stream/seq/index.
+        log_ratio_coordinates, log_ratio_features: what each adds to the log-likelihood ratio of
+            the least sure pair, where features had a say beside coordinates.
+    """
 
     logs: list[LogId]
     method: Literal["identity", "coordinates", "operator"]
     probability: Share = 1.0
+    log_ratio_coordinates: Real = 0.0
+    log_ratio_features: Real = 0.0
 
 
 class Association(Output, frozen=True, kw_only=True, omit_defaults=True):

@@ -39,6 +39,7 @@ def seen(
         east_north_m=places,
         covariance=sigmas[:, None, None] ** 2 * np.eye(2),
         altitude_m=np.zeros(n),
+        features=np.zeros((n, 0)),
     )
 
 
@@ -47,7 +48,7 @@ def found(
 ) -> set[tuple[int, int, str]]:
     pairs = associate(own, other, orders, frame, GATE)
     assert len({p.own for p in pairs}) == len({p.other for p in pairs}) == len(pairs)
-    return {tuple(pair) for pair in pairs}
+    return {pair[:3] for pair in pairs}
 
 
 FAR = [[0.0, 0.0], [9e5, 0.0], [0.0, 9e5]]

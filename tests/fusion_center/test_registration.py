@@ -75,7 +75,7 @@ def test_covariances_turn_with_their_places() -> None:
     n = len(points)
     names = ("",) * n
     copies = np.tile(covariance, (n, 1, 1))
-    seen = Sightings(names, names, (True,) * n, names, names, points, copies, np.zeros(n))
+    seen = Sightings(names, names, (True,) * n, names, names, points, copies, *np.zeros((2, n)))
     turned = in_own_plane(seen, between)
     whitened = np.linalg.solve(turned.covariance[0], np.cov(turned.east_north_m.T))
     np.testing.assert_allclose(whitened, np.eye(2), atol=0.05)

@@ -157,7 +157,8 @@ def test_tracks_of_two_sides_agree_as_far_as_both_know() -> None:
     one, other = known(30.0, 3.0, 0.2), known(36.0, 4.0)
     even = unknown(LAYOUT, 1).shares
     one, other = one._replace(shares=even), other._replace(shares=even)
-    density = np.exp(-36 / 50) / np.sqrt(2 * np.pi * 25) * 100.0
+    every = np.array([25.0, 100.0, 400.0])  # the sum of their variances, and more
+    density = np.mean(np.exp(-36 / 2 / every) / np.sqrt(2 * np.pi * every)) * 100.0
     expected = np.log(WRONG + (1 - WRONG) * (0.2 + 0.8 * density))
     assert features.agreement(one, other, WIDTH, LAYOUT, FIRST, FIRST) == pytest.approx(expected)
     nobody = unknown(LAYOUT, 1)
