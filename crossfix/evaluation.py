@@ -235,8 +235,9 @@ def _error(
 
 
 def _place_m(truth: TruthCarriers, index: int, t_ns: int) -> np.ndarray:
-    """Where a carrier is a moment after a step."""
-    passed_s = (t_ns - truth.t_ns) * 1e-9
+    """Where a carrier is when its own clock shows an instant: so its messages are stamped."""
+    clock_s = truth.clock_offset_s[index] if truth.clock_offset_s else 0.0
+    passed_s = (t_ns - truth.t_ns) * 1e-9 - clock_s
     way = np.array(truth.velocity_mps[index]) * passed_s
     return np.array(
         np.array(truth.position_m[index])

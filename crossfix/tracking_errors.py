@@ -155,6 +155,8 @@ class Judge:
         carriers = self._carriers[step]
         if self._own not in carriers.carrier:
             return
+        if carriers.clock_offset_s:  # the picture is of the instant at which the own clock shows it
+            passed_s -= carriers.clock_offset_s[carriers.carrier.index(self._own)]
         true = self._true_m(targets, carriers, navigation, passed_s)
         yield _compared(picture, targets.number, true)
 

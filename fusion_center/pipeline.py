@@ -34,15 +34,15 @@ from schemas.messages import (
 )
 
 from . import rollback, timeline
-from .alignment import filtering as alignment
-from .alignment import published as aligned
+from .group import chosen
+from .group import filtering as group
+from .group.published import beacons_told, carriers_told
 from .orders import carry_out
 from .passive import frames as passive_frames
 from .passive import lines as passive_lines
 from .picture import fusing as picture
 from .quality import Tally
 from .relative_frames import feedback, joint, memoryless
-from .relative_frames.links import status
 from .relative_frames.monitor import sentence
 from .rollback import Course
 from .settings import Settings
@@ -112,7 +112,7 @@ def step(state: State, closed: Closed, messages: Sequence[Input | Event]) -> tup
     batch = taken_out(batch, state.centre, closed.step, tally)
 
     # per-source tracks -> report events (frames: searched for, then followed together)
-    # -> picture, and what bearings alone say; beacons, from ranges
+    # -> picture, and what bearings alone say -> the joint state of all that range
     course = rollback.course(state, batch.instants)
     state = course.state
     for instant in course.instants:
@@ -134,7 +134,7 @@ def _fused(state: State, instant: timeline.Instant, course: Course, tally: Tally
     state = picture.with_reports(
         state, instant, lambda message: tally if course.is_new(message) else silent
     )
-    return alignment.with_ranges(passive_lines.with_bearings(state, instant), instant)
+    return group.with_messages(passive_lines.with_bearings(state, instant), instant)
 
 
 def _not_fused(batch: Batch, closed: Closed) -> Tally:
@@ -181,7 +181,7 @@ def _published(state: State, closed: Closed, batch: Batch, tally: Tally) -> tupl
     )
     outputs.append(Published(track, (centre,), drawn))
     outputs.append(Published(association, (centre,), associated))
-    if alignment.is_wanted(state):
+    if group.is_wanted(state):
         seq = number(keys.ALIGNMENT, centre)
         outputs.append(Published(keys.ALIGNMENT, (centre,), _alignment(state, closed, seq)))
     outputs.append(Published(quality, (centre,), how_well))
@@ -215,20 +215,20 @@ def _quality(state: State, closed: Closed, batch: Batch, tally: Tally, seq: int)
 
 
 def _alignment(state: State, closed: Closed, seq: int) -> Alignment:
-    """Beacons and the carriers that range to them, as known at a closing."""
+    """Beacons, and the carriers that range to them and to each other, as known at a closing."""
     return Alignment(
         centre=state.centre,
         seq=seq,
         step=closed.step,
         t_ns=closed.t_ns,
-        beacons=aligned.beacons(state),
-        carriers=aligned.carriers(state),
+        beacons=beacons_told(state),
+        carriers=carriers_told(state),
     )
 
 
 def _correction(state: State, closed: Closed, carrier: str, seq: int) -> Correction:
     """Where a carrier's frame lies, as far as it is known at a closing."""
-    monitor, estimate = status(state, carrier, closed.t_ns)
+    monitor, estimate = chosen.status(state, carrier, closed.t_ns)
     blank = Correction(
         centre=state.centre,
         seq=seq,

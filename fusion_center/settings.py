@@ -155,12 +155,18 @@ class PassiveSettings(Struct, frozen=True, kw_only=True):
 
 
 class AlignmentSettings(Struct, frozen=True, kw_only=True):
-    """How carriers and beacons are aligned from ranges."""
+    """How carriers that range to each other and to beacons are aligned, in one joint state."""
 
-    enabled: Annotated[bool, Meta(description="whether ranges to beacons are used at all")] = True
+    enabled: Annotated[bool, Meta(description="whether ranges are used at all")] = True
     most_beacons: Annotated[
-        int, Meta(ge=1, le=200, description="of one carrier, the first that are declared")
+        int, Meta(ge=1, le=200, description="that are used, the first that are declared")
     ] = 32
+    most_targets: Annotated[
+        int, Meta(ge=0, le=1000, description="in the joint state, the first seen by two carriers")
+    ] = 40
+    target_memory_s: Annotated[
+        float, _positive("for which a target stays in the joint state unseen", 3600.0)
+    ] = 60.0
     diagnose_every_s: Annotated[
         float, Meta(ge=0, le=1e6, description="least time between two looks at what is observable")
     ] = 5.0

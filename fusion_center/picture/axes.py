@@ -25,6 +25,7 @@ from estimation.frames import (
 from estimation.relative_frame import OwnAxesFrame
 from estimation.tracking.innovations import Common
 
+from ..group import chosen
 from ..navigation import pose_at, site
 from ..relative_frames import corrections, frames
 from ..relative_frames.links import navigated
@@ -127,6 +128,9 @@ def _holds_unknown(state: State, carrier: str) -> bool:
 
 def _frame(state: State, carrier: str, t_ns: int) -> OwnAxesFrame | None:
     """An applied correction at an instant."""
+    counts, by_group = chosen.frame(state, carrier, t_ns)
+    if counts:
+        return by_group
     link = state.links.get(carrier)
     if link is None or link.monitor.state != "applied" or link.estimate is None:
         return None

@@ -13,6 +13,7 @@ from estimation.tracking.measurements.polar import polar
 from estimation.tracking.scan import Scan, View
 from schemas.messages import SourceProperties, SourceReport
 
+from ..group import chosen
 from ..navigation import NS, pose_at, site, way_m
 from ..sources.coordinates import Observer, column, instants_ns
 from ..sources.coordinates import places as located
@@ -80,7 +81,8 @@ def _places(state: State, report: SourceReport, axes: Placed) -> _Taken:
     navigation = state.carriers[report.carrier].navigation
     properties = state.sources(report.carrier).get(report.stream, SourceProperties())
     at_ns, way = instants_ns(report), way_m(navigation, report.t_ns)
-    moved = way_m(navigation, at_ns) - way
+    late = chosen.lateness(state, report.carrier, report.stream)
+    moved = way_m(navigation, at_ns - round(late.of_source_s / NS)) - way
     observer = Observer(site(pose_at(navigation, report.t_ns)), moved)
     found = located(report, properties, observer, state.settings.logs.target_altitude_m)
     told = None
@@ -93,8 +95,9 @@ def _places(state: State, report: SourceReport, axes: Placed) -> _Taken:
     covariance = axes.turned(found.covariance[index])
     sane = np.flatnonzero(_are_sane(place, covariance))
     index, place, covariance = index[sane], place[sane], covariance[sane]
-    offset: Array = np.multiply(at_ns[index] - report.t_ns, NS)
+    offset: Array = np.multiply(at_ns[index] - report.t_ns, NS) - late.seconds
     jitter = np.nan_to_num(column(report.sigma_time_offset_s, len(report)))[index]
+    jitter = np.hypot(jitter, late.sigma_s)
     if report.bearing_rad is None or report.range_m is None:
         return _Taken(places(place, covariance, offset, jitter), index, told)
     return _Taken(_by_bearing(axes.place_m(), place, covariance, (offset, jitter)), index, told)

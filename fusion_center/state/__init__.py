@@ -2,21 +2,23 @@
 
 from .carriers import Boots, CarrierState, SourceLogs, Timeline, Told
 from .features import Dictionary, Learned, Reports, Scale, Word
+from .group import Group, Member
 from .links import Estimate, Frames, Link, Monitor, Orders, WatchColumns
-from .targets import Aligned, Drawn, Line, Notes, Rays, Watched
+from .targets import Drawn, Line, Notes, Rays, Watched
 from .whole import Past, State, pack, unpack
 
 __all__ = [
-    "Aligned",
     "Boots",
     "CarrierState",
     "Dictionary",
     "Drawn",
     "Estimate",
     "Frames",
+    "Group",
     "Learned",
     "Line",
     "Link",
+    "Member",
     "Monitor",
     "Notes",
     "Orders",

@@ -1,4 +1,4 @@
-"""What is remembered of targets and beacons: the picture, bearings alone, alignments."""
+"""What is remembered of targets: the picture, and bearings alone."""
 
 from __future__ import annotations
 
@@ -73,41 +73,6 @@ class Line(Struct, frozen=True, kw_only=True, eq=False):
     told: BearingLine | None = None
     solved_t_ns: int = -1
     tried_t_ns: int = -1
-
-
-class Aligned(Struct, frozen=True, kw_only=True, eq=False):
-    """A carrier among its beacons: `estimation.system_alignment.Filtered`, and of when.
-
-    Attributes:
-        boot: ordinal of the life it is of.
-        beacons: names, in the order of the constants.
-        start_t_ns: since when; t_ns: of validity.
-        start_m: (2,) place at the start; way_m: (2,) reckoned at t_ns, as the carrier says it.
-        place, theta, covariance, free: of the filter.
-        prior_mean, prior_sigma: (7 + 4 J,) of the constants before the first range.
-        ranges: used so far.
-        ratio: posterior over prior sigma of the least determined combination.
-        hidden: names of combinations that are undetermined; touched: the beacons in each of them.
-        diagnosed_t_ns: when these were worked out; -1 = never.
-    """
-
-    boot: int
-    beacons: tuple[str, ...]
-    start_t_ns: int
-    t_ns: int
-    start_m: NDArray[np.float64]
-    way_m: NDArray[np.float64]
-    place: NDArray[np.float64]
-    theta: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    free: NDArray[np.int64]
-    prior_mean: NDArray[np.float64]
-    prior_sigma: NDArray[np.float64]
-    ranges: int = 0
-    ratio: float = 1.0
-    hidden: tuple[str, ...] = ()
-    touched: tuple[tuple[str, ...], ...] = ()
-    diagnosed_t_ns: int = -1
 
 
 class Rays(Struct, frozen=True, kw_only=True, eq=False):

@@ -16,8 +16,9 @@ from schemas.messages import DeclaredCarrier, DeclaredScenario, SourceProperties
 
 from ..settings import Settings
 from .carriers import CarrierState, Timeline
+from .group import Group
 from .links import Frames, Link, Orders
-from .targets import Aligned, Drawn, Line, Rays
+from .targets import Drawn, Line, Rays
 
 
 class Past(Struct, frozen=True, kw_only=True, eq=False):
@@ -42,7 +43,7 @@ class State(Struct, frozen=True, kw_only=True):
         frames: of the carriers that are followed; None while there is none.
         past: the last few seconds, oldest first, for what comes late.
         lines: by carrier/source/name of the target there.
-        aligned: carriers that range to beacons.
+        group: carriers that range to each other and to beacons; None while there is none.
         rays: by carrier/kind/name of the target; only while some carrier sees bearings only.
         published: messages so far, by key.
     """
@@ -59,7 +60,7 @@ class State(Struct, frozen=True, kw_only=True):
     frames: Frames | None = None
     picture: Drawn = Drawn()
     lines: dict[str, Line] = {}
-    aligned: dict[str, Aligned] = {}
+    group: Group | None = None
     rays: dict[str, Rays] = {}
     past: tuple[Past, ...] = ()
     published: dict[str, int] = {}

@@ -273,7 +273,7 @@ class AlignedBeacon(Struct, frozen=True, kw_only=True, omit_defaults=True):
     Attributes:
         position_m: (east, north[, up]) in the axes of the scenario's origin.
         unobservable: directions in which the ranges leave its place as it was known before.
-        carrier: from whose ranges.
+        carrier: from whose ranges; of several carriers, all names.
     """
 
     beacon: Id
@@ -284,7 +284,7 @@ class AlignedBeacon(Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class AlignedCarrier(Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What the ranges of a carrier to beacons tell of the carrier itself.
+    """What ranges to beacons and other carriers, and targets in common, tell of a carrier.
 
     A sigma of 0 is that of a constant which the scenario declares to be known.
 
@@ -299,6 +299,9 @@ class AlignedCarrier(Struct, frozen=True, kw_only=True, omit_defaults=True):
         range_bias_m: what its ranges read too long, the clock behind pseudoranges included, at the
             first message; it grows by `clock_drift_mps`.
         ranges: that have been used.
+        stamp_s: by which its clock stamps messages later than that of the own carrier.
+        logs: of targets that have been used.
+        terms: systematic errors of its sources, `time_s` against the own carrier's clock.
         unobservable: combinations of constants, beacons' included, that the ranges leave as they
             were known before.
     """
@@ -322,16 +325,20 @@ class AlignedCarrier(Struct, frozen=True, kw_only=True, omit_defaults=True):
     sigma_clock_drift_mps: Real = 0.0
     ranges: Count = 0
     unobservable: list[Text] = []
+    stamp_s: Real = 0.0
+    sigma_stamp_s: Real = 0.0
+    logs: Count = 0
+    terms: list[SourceTerm] = []
 
 
 class Alignment(Output, frozen=True, kw_only=True, omit_defaults=True):
-    """System alignment: the beacons of the run, aligned from ranges (paper 003).
+    """System alignment: carriers and beacons, from ranges and targets in common (papers 003, 004).
 
-    There is none in a run that declares no beacons.
+    There is none in a run that declares neither beacons nor ranges.
 
     Attributes:
-        beacons: as each carrier that ranges to them finds them.
-        carriers: those carriers.
+        beacons: that are ranged to.
+        carriers: that range, or are ranged to.
     """
 
     beacons: list[AlignedBeacon] = []

@@ -169,8 +169,8 @@ def test_a_new_boot_begins_anew() -> None:
     ends = [end for end in ends if end.stream == said[0].stream]
     closed = replace(last.closed, step=21, t_ns=last.closed.t_ns + 10**9, manifest=ends)
     state, _ = pipeline.step(last.state, closed, said)
-    assert state.aligned["helicopter"].boot == 2
-    assert state.aligned["helicopter"].ranges == 0
+    assert state.group.members["helicopter"].boot == 2
+    assert state.group.members["helicopter"].ranges == 0
 
 
 def test_without_beacons_or_when_told_so_nothing_is_said() -> None:
@@ -179,7 +179,7 @@ def test_without_beacons_or_when_told_so_nothing_is_said() -> None:
     for run in (played(strait, steps=3), played(with_seed(1), off, steps=3)):
         for step in run:
             assert not any(isinstance(out.message, Alignment) for out in step.outputs)
-            assert not step.state.aligned
+            assert step.state.group is None
 
 
 def test_beacons_are_bounded_in_number() -> None:

@@ -1,1 +1,0 @@
-"""Carriers and the beacons they range to (003)."""

@@ -1,0 +1,230 @@
+"""The joint state in a whole run: as accurate as it claims, whatever happens to its carriers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from bench.in_process import Played, played
+from bench.navigation.live import Errors, errors
+from crossfix.tracking_errors import picture_errors
+from fusion_center import pipeline
+from fusion_center.settings import settings_from
+from fusion_center.state import State, pack, unpack
+from schemas import codec
+from schemas.messages import Alignment, Correction, Input, Ranging, SourceReport
+from sim_world.scenario import Scenario, load_scenario, with_overrides
+from tests.fusion_center.scenes import closed
+
+GROUP = load_scenario(Path(__file__).parents[2] / "scenarios" / "group.toml")
+STEPS = 90
+TWO_WAY = {"kind": "two_way", "period_s": 2.5, "sigma_m": 5}
+
+
+def with_seed(seed: int, **more: Any) -> Scenario:
+    return with_overrides(GROUP, {"seed": seed, "errors.enabled": True} | more)
+
+
+def run(scenario: Scenario, steps: int = STEPS, fusion: dict[str, Any] | None = None) -> Played:
+    *_, last = played(scenario, fusion, steps)
+    return last
+
+
+def ranging(**more: Any) -> dict[str, Any]:
+    """Overrides of the ranging of all carriers of the scenario."""
+    peers = {"one": ["two", "three", "mark"], "two": ["three", "mark"], "three": ["mark"]}
+    return {f"carriers.{name}.ranging": [TWO_WAY | {"to": to} | more] for name, to in peers.items()}
+
+
+def is_honest(found: Errors) -> bool:
+    """Chi2 of 13 by dimension: beyond 2.7 once in two thousand."""
+    return found.nees < 2.7
+
+
+@pytest.fixture(scope="module")
+def whole() -> Played:
+    return run(with_seed(5))
+
+
+def test_the_scenario_of_the_one_system_is_solved_by_the_pipeline(whole: Played) -> None:
+    """A smoke of the demand, which the benchmark measures over many seeds: four sigmas of it."""
+    found = errors(whole)
+    assert is_honest(found)
+    assert np.abs(found.relative_m).max() < 24
+    assert np.abs(found.place_m).max() < 26
+    assert np.degrees(np.abs(found.heading_rad)).max() < 0.3
+    assert np.abs(found.clock_s).max() < 0.18
+    for carrier in ("two", "three"):
+        correction = whole.corrections[carrier]
+        assert (correction.state, correction.method) == ("applied", "group")
+        assert [term.name for term in correction.terms] == ["time_s"]
+        assert all(direction.status == "determined" for direction in correction.directions)
+
+
+def test_what_is_told_passes_the_wire_and_says_what_it_rests_on(whole: Played) -> None:
+    told = next(out.message for out in whole.outputs if isinstance(out.message, Alignment))
+    assert codec.decode(Alignment, codec.encode(told)) == told
+    carriers = {carrier.carrier: carrier for carrier in told.carriers}
+    assert {name: c.ranges for name, c in carriers.items()} == {"one": 108, "two": 72, "three": 36}
+    assert all(carrier.logs > 40 for carrier in carriers.values())
+    assert (carriers["one"].stamp_s, carriers["one"].sigma_stamp_s) == (0.0, 0.0)
+    clock = dict(zip(whole.carriers.carrier, whole.carriers.clock_offset_s, strict=True))
+    for name in ("two", "three"):
+        late, sigma = carriers[name].stamp_s, carriers[name].sigma_stamp_s
+        assert abs(late - (clock[name] - clock["one"])) < 4 * sigma < 0.2
+        assert np.hypot(*carriers[name].current_mps) < 4 * 0.5
+    assert pack(unpack(pack(whole.state))) == pack(whole.state)
+
+
+def test_clocks_are_taken_out_of_the_logs_of_the_picture() -> None:
+    """Targets at 200 m/s and clocks a second apart: without it, tracks lie 250 m aside."""
+    late = {"carriers.one.errors.clock_s": -0.5, "carriers.two.errors.clock_s": 0.6}
+    scenario = with_seed(3, **late, **{"carriers.three.errors.clock_s": 0.5})
+    right, wrong = (
+        picture_error_m(scenario, {"own": "one", "alignment": {"enabled": on}})
+        for on in (True, False)
+    )
+    assert right < 0.6 * wrong
+
+
+def picture_error_m(scenario: Scenario, fusion: dict[str, Any]) -> float:
+    """RMS localisation error of the picture in the last quarter of a run."""
+    steps = list(played(scenario, fusion, 60))
+    said = [m for s in steps for m in (s.targets, s.carriers, *s.said)]
+    drawn = [out.message for s in steps for out in s.outputs]
+    found = picture_errors(scenario.declared, "one", [*said, *drawn])[-15:]
+    return float(np.sqrt(np.mean([error.error_m**2 for error in found])))
+
+
+def without_past(state: State) -> bytes:
+    """The state but for what led to it, and for who was heard first."""
+    carriers = dict(sorted(state.carriers.items()))
+    return pack(replace(state, past=(), published={}, carriers=carriers))
+
+
+def test_what_comes_late_is_put_in_its_place_bit_by_bit() -> None:
+    """Every other step the messages of one carrier come a step later."""
+    scenario = with_seed(2)
+    steps = list(played(scenario, steps=24))
+    state = pipeline.initial(scenario.declared, settings_from(scenario.declared.fusion))
+    held: list[Input] = []
+    for number, step in enumerate(steps, 1):
+        late = [m for m in step.said if m.carrier == "two"] if number % 2 else []
+        said = [m for m in step.said if m not in late] + held
+        held = late
+        now = replace(closed(step.closed.step, said), t_ns=step.closed.t_ns)
+        state, _ = pipeline.step(unpack(pack(state)), now, said)
+    assert state.group is not None
+    assert without_past(state) == without_past(steps[-1].state)
+
+
+def again(step: Played, number: int, **more: Any) -> tuple[State, list[Correction]]:
+    """The state after one more Closed that says only who is there."""
+    t_ns = step.closed.t_ns + number * 10**9
+    now = replace(step.closed, step=step.closed.step + number, t_ns=t_ns, manifest=[], **more)
+    state, outputs = pipeline.step(step.state, now, [])
+    return state, [out.message for out in outputs if isinstance(out.message, Correction)]
+
+
+def test_a_lost_carrier_is_suspended_and_the_others_go_on(whole: Played) -> None:
+    _, corrections = again(whole, 1, lost=["two"])
+    states = {c.carrier: c.state for c in corrections}
+    assert states == {"two": "suspended", "three": "applied"}
+    _, corrections = again(whole, 1, lost=["one"])
+    assert {c.state for c in corrections} == {"suspended"}
+
+
+def test_a_new_boot_is_a_new_member_and_finds_its_place_again() -> None:
+    scenario = with_seed(4)
+    steps = list(played(scenario, steps=70))
+    state = pipeline.initial(scenario.declared, settings_from(scenario.declared.fusion))
+    seq: dict[str, int] = {}
+    for step in steps:
+        said = [reborn(m, seq) if m.carrier == "two" and step.closed.step > 30 else m
+                for m in step.said]  # fmt: skip
+        now = replace(closed(step.closed.step, said), t_ns=step.closed.t_ns)
+        state, outputs = pipeline.step(state, now, said)
+        if step.closed.step == 32:
+            found = [o.message for o in outputs if isinstance(o.message, Correction)]
+            assert {c.carrier: c.state for c in found}["two"] != "applied"
+    assert state.group is not None
+    assert state.group.members["two"].boot == 2
+    last = steps[-1]._replace(state=state, outputs=outputs)
+    assert last.corrections["two"].state == "applied"
+    assert is_honest(errors(last))
+
+
+def reborn(message: Input, seq: dict[str, int]) -> Input:
+    """A message of the next life of its carrier."""
+    seq[message.stream] = seq.get(message.stream, 0) + 1
+    return replace(message, boot="b2", seq=seq[message.stream])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [6, 7])
+def test_ranges_by_a_detour_are_not_believed(seed: int) -> None:
+    often = ranging(outlier_share=0.15, outlier_m=[30.0, 300.0])
+    found = errors(run(with_seed(seed, **often)))
+    assert found.nees < 4
+    assert np.abs(found.relative_m).max() < 40
+    assert np.degrees(np.abs(found.heading_rad)).max() < 0.4
+
+
+def test_without_beacons_the_own_carrier_is_the_gauge() -> None:
+    """Ranges between carriers and common targets still tell where the others are from it."""
+    peers = {"one": ["two", "three"], "two": ["three"]}
+    alone = {f"carriers.{n}.ranging": [TWO_WAY | {"to": to}] for n, to in peers.items()}
+    scenario = with_seed(8, **alone, **{"carriers.three.ranging": [], "beacons": []})
+    last = run(scenario, 60)
+    found = errors(last)
+    assert np.abs(found.relative_m).max() < 40
+    assert np.sqrt(np.max(np.diag(found.covariance)[:2])) > 100  # of its own place nothing is known
+    assert {c.method for c in last.corrections.values()} == {"group"}
+
+
+def test_a_carrier_that_ranges_to_nobody_is_found_by_targets_alone() -> None:
+    peers = {"one": ["two", "mark"], "two": ["mark"]}
+    fewer = {f"carriers.{n}.ranging": [TWO_WAY | {"to": to}] for n, to in peers.items()}
+    scenario = with_seed(9, **fewer, **{"carriers.three.ranging": []})
+    last = run(scenario, 40)
+    assert last.state.group is not None
+    assert sorted(last.state.group.members) == ["one", "two"]
+    methods = {name: c.method for name, c in last.corrections.items()}
+    assert methods == {"two": "group", "three": "joint"}
+
+
+@pytest.mark.parametrize("sigma", [1e-12, 1e12])
+@pytest.mark.parametrize("value", [-1e9, 0.0, 1e9])
+def test_absurd_ranges_and_sigmas_end_in_numbers_or_in_nothing(sigma: float, value: float) -> None:
+    scenario = with_seed(1)
+    steps = list(played(scenario, steps=8))
+    state = pipeline.initial(scenario.declared, settings_from(scenario.declared.fusion))
+    for step in steps:
+        said = [
+            replace(m, sigma_m=sigma, value_m=value) if isinstance(m, Ranging) else m
+            for m in step.said
+        ]
+        said = [
+            replace(m, sigma_range_m=[sigma] * len(m)) if isinstance(m, SourceReport) else m
+            for m in said
+        ]
+        state, outputs = pipeline.step(state, step.closed, said)
+        for out in outputs:
+            codec.decode(type(out.message), codec.encode(out.message))
+    assert state.group is None or np.isfinite(state.group.covariance).all()
+
+
+def test_members_and_targets_are_bounded(whole: Played) -> None:
+    group = whole.state.group
+    assert group is not None
+    assert len(group.targets) == 6
+    few = run(with_seed(1), 12, {"own": "one", "alignment": {"most_targets": 2}})
+    assert few.state.group is not None
+    assert len(few.state.group.targets) == 2
+    forgetful = run(with_seed(1), 12, {"own": "one", "alignment": {"target_memory_s": 0.5}})
+    assert forgetful.state.group is not None
+    assert len(forgetful.state.group.targets) <= 6
