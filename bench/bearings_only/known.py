@@ -17,7 +17,13 @@ from bench.bearings_only.scenes import (
 )
 from bench.figures import Figure, at_most, between, told
 from estimation.arrays import Array
-from estimation.bearings_only import Estimate, Motion, maximum_likelihood, polynomial
+from estimation.bearings_only import (
+    Estimate,
+    Motion,
+    likely_ranges,
+    maximum_likelihood,
+    polynomial,
+)
 from estimation.bearings_only.solution import DETERMINED
 from estimation.consistency import rms
 
@@ -74,6 +80,6 @@ def _relative_error(found: Estimate, scene: Drawn) -> Array:
 
 
 def _covered(found: Estimate, scene: Drawn) -> float:
-    inverse = found.inverse_range()
-    inside = np.abs(inverse.value - 1 / scene.range_m) < 1.96 * inverse.sigma
+    ranges = likely_ranges(found)
+    inside = (ranges.low_m <= scene.range_m) & (scene.range_m <= ranges.high_m)
     return float(inside.mean())

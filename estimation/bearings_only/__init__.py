@@ -1,6 +1,8 @@
 """Trajectories from bearings (paper 001)."""
 
 from estimation.bearings_only.bound import cramer_rao
+from estimation.bearings_only.doubt import FrameDoubt
+from estimation.bearings_only.each_target import EachTarget, each_target
 from estimation.bearings_only.estimate import Estimate, InverseRange, LineOfSight, State
 from estimation.bearings_only.fitting import maximum_likelihood
 from estimation.bearings_only.measurements import Bearings, bearings
@@ -16,9 +18,11 @@ from estimation.bearings_only.motions import (
     TWO_LEGS,
     Motion,
     polynomial,
+    spline,
 )
 from estimation.bearings_only.next_turn import Turn, best_turn
 from estimation.bearings_only.prior import MotionPrior
+from estimation.bearings_only.profile import Ranges, likely_ranges
 from estimation.bearings_only.robust import student_t
 from estimation.bearings_only.seeds import (
     SeedTrack,
@@ -50,8 +54,10 @@ __all__ = [
     "TWO_LEGS",
     "Bearings",
     "Candidate",
+    "EachTarget",
     "Elevations",
     "Estimate",
+    "FrameDoubt",
     "FramePrior",
     "Interval",
     "InverseRange",
@@ -59,6 +65,7 @@ __all__ = [
     "LineOfSight",
     "Motion",
     "MotionPrior",
+    "Ranges",
     "SeedTrack",
     "Solution",
     "SpatialEstimate",
@@ -71,13 +78,16 @@ __all__ = [
     "chebyshev_first",
     "chebyshev_second",
     "cramer_rao",
+    "each_target",
     "in_space",
     "jointly",
+    "likely_ranges",
     "maximum_likelihood",
     "n_bearings",
     "n_polynomials",
     "polynomial",
     "solve",
     "solve_many",
+    "spline",
     "student_t",
 ]

@@ -99,7 +99,7 @@ class Estimate(NamedTuple):
     @_QUIET
     def inverse_range(self) -> InverseRange:
         """1 / range at the last bearing, (B,) each."""
-        value, by = self._inverse_range()
+        value, by = inverse_range_at(self.scene, self.motion, self.p)
         return InverseRange(value, np.sqrt(_quadratic(by, self.covariance)))
 
     @_QUIET
@@ -141,14 +141,6 @@ class Estimate(NamedTuple):
         predicted: Array = np.arctan2(d.real, d.imag).T
         return predicted
 
-    def _inverse_range(self) -> tuple[Array, Array]:
-        d, by_d = self._relative(0.0, self.scene.observer[-1])
-        s = self.p[self.motion.scale_row]
-        far = np.abs(d) * self.scene.length_m + 1e-290
-        by = -s / far * (by_d / (d + 1e-290)).real
-        by[self.motion.scale_row] += 1 / far
-        return s / far, by
-
     def _basis(self, time: Array) -> tuple[ComplexArray, ComplexArray]:
         _, _, shape = unpacked(self.motion, self.p)
         everyone = np.broadcast_to(time, self.p.shape[1:])[None]
@@ -183,6 +175,17 @@ class Estimate(NamedTuple):
         jacobian = np.stack(rows)
         covariance = np.einsum("imb,mnb,jnb->bij", jacobian, self.covariance, jacobian)
         return State(_vectors(place), _vectors(values[1]), covariance)
+
+
+def inverse_range_at(scene: Scene, motion: Motion, p: Array) -> tuple[Array, Array]:
+    """1 / range at the last bearing [1/m] (B,) and its derivatives by p, both (M, B)."""
+    last = scene._replace(time=scene.time[-1:], observer=scene.observer[-1:])
+    d, by_d = (part[..., 0, :] for part in directions(last, motion, p))
+    s = p[motion.scale_row]
+    far = np.abs(d) * scene.length_m + 1e-290
+    by = -s / far * (by_d / (d + 1e-290)).real
+    by[motion.scale_row] += 1 / far
+    return s / far, by
 
 
 def _quadratic(by: Array, covariance: Array) -> Array:

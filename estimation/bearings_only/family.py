@@ -6,11 +6,23 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimation.arrays import Array
 from estimation.bearings_only.criterion import Criterion, criterion
+from estimation.bearings_only.doubt import FrameDoubt, lessened
 from estimation.bearings_only.estimate import Estimate, InverseRange
-from estimation.bearings_only.fitting import BRISK, THOROUGH, Search, begun, grid_of, lowest
+from estimation.bearings_only.fitting import (
+    BRISK,
+    THOROUGH,
+    Search,
+    begun,
+    distinct,
+    ends,
+    grid_of,
+    taken,
+)
+from estimation.bearings_only.levenberg_marquardt import Minimum
 from estimation.bearings_only.linear_algebra import cholesky, log_determinant
 from estimation.bearings_only.measurements import Scene
 from estimation.bearings_only.motions import FAMILY, THREE_LEGS, Motion
@@ -24,9 +36,10 @@ _SECOND_LOG_DURATION = -1.9  # of half spans
 
 
 class Hypothesis(NamedTuple):
-    """One motion at its posterior maximum.
+    """One motion at a maximum of its posterior, of some of the targets.
 
     Attributes:
+        columns: (B,) the targets that it is of.
         estimate: parameters and what bearings and prior say of them.
         log_evidence: (B,) logarithm of the probability of the bearings under this motion, but for
             a constant of all motions; -inf where the motion found no end.
@@ -35,6 +48,7 @@ class Hypothesis(NamedTuple):
         alone: the same with the sigma as if the prior said nothing of metres.
     """
 
+    columns: NDArray[np.int_]
     estimate: Estimate
     log_evidence: Array
     dof: Array
@@ -47,27 +61,59 @@ def hypotheses(
     prior: MotionPrior,
     motions: Sequence[Motion] = FAMILY,
     loss: Loss | None = None,
+    doubt: FrameDoubt | None = None,
 ) -> list[Hypothesis]:
-    """Every motion fitted to every target."""
+    """Every motion fitted to every target; of a motion as many as there are minima."""
     problems = [criterion(scene, motion, prior, loss) for motion in motions]
     clean = screened(scene, loss)
-    return [hypothesis(problem, grid_of(problem.motion), clean) for problem in problems]
+    return [
+        found
+        for problem in problems
+        for found in modes(problem, grid_of(problem.motion), clean, doubt=doubt)
+    ]
 
 
 def three_legs(
-    scene: Scene, prior: MotionPrior, first: Array | None, loss: Loss | None = None
-) -> Hypothesis:
+    scene: Scene,
+    prior: MotionPrior,
+    first: Array | None,
+    loss: Loss | None = None,
+    doubt: FrameDoubt | None = None,
+) -> list[Hypothesis]:
     """Two turns: from a grid, and from the one turn (3, B) that was found before."""
     common = grid_of(THREE_LEGS)
     grid = np.broadcast_to(common, (*common.shape[:2], scene.targets))
     if first is not None:
         grid = np.concatenate([grid, second_turns(first)], axis=1)
     problem = criterion(scene, THREE_LEGS, prior, loss)
-    return hypothesis(problem, grid, screened(scene, loss), THOROUGH)
+    return modes(problem, grid, screened(scene, loss), THOROUGH, doubt)
 
 
-def hypothesis(problem: Criterion, grid: Array, clean: Scene, search: Search = BRISK) -> Hypothesis:
-    """The posterior maximum of one motion and its evidence by Laplace's approximation.
+def modes(
+    problem: Criterion,
+    grid: Array,
+    clean: Scene,
+    search: Search = BRISK,
+    doubt: FrameDoubt | None = None,
+) -> list[Hypothesis]:
+    """The posterior maxima of one motion, the highest of every target first.
+
+    Turns at quite different times may explain the same bearings, at different ranges.
+    """
+    found = ends(problem, begun(problem, grid, clean), search)
+    first = hypothesis(problem, found[0], np.arange(problem.scene.targets), doubt)
+    others = [(end, distinct(problem, found, rank)) for rank, end in enumerate(found) if rank]
+    return [first] + [
+        hypothesis(problem.take(columns), taken(end, columns), columns, doubt)
+        for end, columns in others
+        if len(columns)
+    ]
+
+
+def hypothesis(
+    problem: Criterion, end: Minimum, columns: NDArray[np.int_], doubt: FrameDoubt | None = None
+) -> Hypothesis:
+    """A maximum of the posterior of one motion and its evidence by Laplace's approximation.
 
     Around the maximum the posterior is taken as Gaussian, log E = -cost / 2 + log |P| / 2 -
     log |P + J'J| / 2 with P the information of the prior, all of it in homogeneous coordinates,
@@ -75,7 +121,6 @@ def hypothesis(problem: Criterion, grid: Array, clean: Scene, search: Search = B
 
     Source: D. MacKay, Information Theory, Inference and Learning Algorithms, chapter 28.
     """
-    end = lowest(problem, begun(problem, grid, clean), search)
     prior = problem.prior or MotionPrior()
     rows = prior_rows(problem.scene, problem.motion, prior, end.p)
     volume = products(rows.residual, rows.jacobian)[1]
@@ -100,9 +145,15 @@ def hypothesis(problem: Criterion, grid: Array, clean: Scene, search: Search = B
     effective = np.einsum("ijb,jib->b", estimate.covariance, of_bearings.matrix)
     ok = np.isfinite(log_evidence)
     dof = np.maximum(counted - np.nan_to_num(effective), 1e-3)
+    if doubt is not None:
+        unaided, told = (
+            lessened(of, problem.scene, problem.motion, end.p, doubt.take(columns))
+            for of in (unaided, estimate.information)
+        )
+        estimate = estimate._replace(information=told)
     alone = estimate._replace(information=unaided).inverse_range()
     log_evidence = np.where(ok, log_evidence, -np.inf)
-    return Hypothesis(estimate, log_evidence, dof, estimate.inverse_range(), alone)
+    return Hypothesis(columns, estimate, log_evidence, dof, estimate.inverse_range(), alone)
 
 
 def second_turns(first: Array) -> Array:

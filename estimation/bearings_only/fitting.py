@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from estimation.arrays import Array
 from estimation.bearings_only.criterion import Criterion, criterion
 from estimation.bearings_only.estimate import Estimate
 from estimation.bearings_only.levenberg_marquardt import SETTLED, Minimum, minimised
+from estimation.bearings_only.linear_algebra import inverted
 from estimation.bearings_only.measurements import Bearings, Scene, scene_of
 from estimation.bearings_only.motions import Motion
 from estimation.bearings_only.normal_equations import Loss, Normal
@@ -20,6 +22,9 @@ from estimation.bearings_only.starts import lines_of, misfit, ridge, scales_of, 
 
 _RANGE_QUANTILES = (-1.28, 0.0, 1.28)  # of the logarithm, in sigmas: ridge starts
 _BLOCK = 512
+_APART = 3.0  # sigmas between two minima
+_TIMED = 0.2  # half spans: sigma of the middle of a turn that the bearings show
+_HOPELESS = 12.0  # of chi-squared: what is so much less likely does not count
 
 
 class Search(NamedTuple):
@@ -128,26 +133,52 @@ def _before(problem: Criterion, p: Array) -> Array:
 
 def lowest(problem: Criterion, starts: Array, search: Search = BRISK) -> Minimum:
     """The lowest end of descents from starts (T, M, B): a few steps from many, then the best."""
+    return ends(problem, starts, search)[0]
+
+
+def ends(problem: Criterion, starts: Array, search: Search = BRISK) -> list[Minimum]:
+    """All ends of these descents, of each target the lowest first."""
     if len(starts) > 1:
-        starts, _ = _descended_from(problem, starts[: search.tried], search.few, search.settled)
-        starts = starts[: search.kept]
-    _, end = _descended_from(problem, starts, search.many, search.settled)
-    return end
+        first = _descended_from(problem, starts[: search.tried], search.few, search.settled)
+        starts = np.stack([end.p for end in first[: search.kept]])
+    return _descended_from(problem, starts, search.many, search.settled)
 
 
-def _descended_from(
-    problem: Criterion, starts: Array, steps: int, settled: float
-) -> tuple[Array, Minimum]:
-    """Where some steps lead from each start, the lowest first, and the lowest of all."""
+def _descended_from(problem: Criterion, starts: Array, steps: int, settled: float) -> list[Minimum]:
+    """Where some steps lead from each start, of each target the lowest first."""
     tries, size, many = starts.shape
     flat = np.moveaxis(starts, 1, 0).reshape(size, tries * many)
     wide = problem if tries == 1 else problem.take(np.tile(np.arange(many), tries))
     end = minimised(wide, flat, steps, settled)
     cost = np.where(np.isfinite(end.normal.cost), end.normal.cost, np.inf).reshape(tries, many)
     order = np.argsort(cost, axis=0)
-    ends = np.moveaxis(end.p.reshape(size, tries, many), 1, 0)
-    best = np.take_along_axis(ends, order[:, None], axis=0)
-    return best, taken(end, order[0] * many + np.arange(many))
+    return [taken(end, rank * many + np.arange(many)) for rank in order]
+
+
+def distinct(problem: Criterion, found: Sequence[Minimum], rank: int) -> NDArray[np.int_]:
+    """Targets (C,) whose end of this rank is a minimum of its own, and nearly as low as the best.
+
+    It is another when it lies `_APART` sigmas from every lower one, as that sees its surroundings,
+    and when the bearings say when its turns are: of one that may be at any time, such as between
+    the last two bearings, a Gaussian about the minimum says far too much.
+    """
+    here, others = found[rank], found[:rank]
+    own = here.converged & (here.normal.cost < found[0].normal.cost + _HOPELESS)
+    for lower in others:
+        apart = here.p - lower.p
+        far = np.einsum("mb,mnb,nb->b", apart, lower.normal.matrix, apart) > _APART**2
+        own &= far
+    columns = np.flatnonzero(own)
+    middles = [k for k, name in enumerate(problem.motion.shape_names) if name == "middle"]
+    if not middles or not len(columns):
+        return columns
+    h = problem.gauge(here.p)[:, columns]
+    matrix = here.normal.matrix[..., columns]
+    trace = np.einsum("iib->b", matrix)
+    spread = np.einsum("iib->ib", inverted(matrix + trace * h[:, None] * h[None]))
+    timed = spread[problem.motion.scale_row + 1 + np.array(middles)] < _TIMED**2
+    shown: NDArray[np.int_] = columns[timed.all(axis=0)]
+    return shown
 
 
 def taken(end: Minimum, columns: NDArray[np.int_]) -> Minimum:

@@ -51,8 +51,6 @@ def inverted(matrix: Array) -> Array:
     """Inverses (M, M, B) of positive semi-definite matrices, unknown directions very large."""
     scale = np.sqrt(np.einsum("iib->ib", matrix)) + 1e-150
     factor = cholesky(matrix / (scale[:, None] * scale[None, :]))
-    columns = [
-        solved(factor, unit) for unit in np.eye(len(matrix))[..., None] * np.ones_like(scale[0])
-    ]
-    inverse: Array = np.stack(columns) / (scale[:, None] * scale[None, :])
+    units = np.eye(len(matrix))[..., None] * np.ones_like(scale[0])
+    inverse: Array = solved(factor[:, :, None], units) / (scale[:, None] * scale[None, :])
     return inverse

@@ -20,7 +20,6 @@ from estimation.bearings_only.measurements import ComplexArray
 
 Path: TypeAlias = Callable[[Array, Array], tuple[ComplexArray, ComplexArray]]
 
-_LEGS_LOG_DURATION = -12.0  # of a turn in no time
 _SMALL = 1e-3  # below it a power series is more exact than the formula
 
 
@@ -34,6 +33,7 @@ class Motion(NamedTuple):
             middle, duration (logarithm); all in half spans and radians.
         path: (time (N, B), shape (P, B)) -> f (N, B) and its derivatives (P, N, B); None: time.
         grid: (P, G) shapes to begin a search with.
+        knots: instants at which the acceleration of a spline jumps; only without `path`.
     """
 
     name: str
@@ -41,6 +41,7 @@ class Motion(NamedTuple):
     shape_names: tuple[str, ...] = ()
     path: Path | None = None
     grid: tuple[tuple[float, ...], ...] = ((),)
+    knots: tuple[float, ...] = ()
 
     @property
     def size(self) -> int:
@@ -58,7 +59,11 @@ class Motion(NamedTuple):
         For polynomials f_j = t^j / j!, so that c_j is the j-th derivative in the middle.
         """
         if self.path is None:
-            f = np.stack([time**j / factorial(j) for j in range(self.degree + 1)])
+            powers = range(self.degree + 1 - len(self.knots))
+            f = np.stack(
+                [time**j / factorial(j) for j in powers]
+                + [np.maximum(time - knot, 0.0) ** 2 / 2 for knot in self.knots]
+            )
             return f.astype(complex), np.zeros((0, *time.shape), dtype=complex)
         along, derivatives = self.path(time, shape)
         return np.stack([np.ones_like(along), along]), derivatives
@@ -98,9 +103,13 @@ def turning_path(time: Array, shape: Array) -> tuple[ComplexArray, ComplexArray]
 
 def legs_path(time: Array, shape: Array) -> tuple[ComplexArray, ComplexArray]:
     """Constant speed, one turn in no time; shape = (angle, middle)."""
-    at_once = np.full_like(shape[0], _LEGS_LOG_DURATION)
-    f, slopes = _one_turn(time, np.stack([shape[0], shape[1], at_once]))
-    return f, slopes[:2]
+    angle, middle = shape
+    turned = np.cos(angle) - 1j * np.sin(angle)
+    after = np.maximum(time - middle, 0.0)
+    slopes = np.empty((2, *after.shape), dtype=complex)
+    slopes[0] = -1j * turned * after
+    slopes[1] = np.where(after > 0, 1 - turned, 0.0)
+    return np.minimum(time, middle) + turned * after, slopes
 
 
 def _one_turn(time: Array, shape: Array) -> tuple[ComplexArray, ComplexArray]:
@@ -138,6 +147,15 @@ def polynomial(degree: int) -> Motion:
     """A polynomial of time: 1 constant velocity, 2 constant acceleration, 3 constant jerk."""
     names = {1: "constant velocity", 2: "constant acceleration", 3: "constant jerk"}
     return Motion(names.get(degree, f"polynomial of degree {degree}"), degree)
+
+
+def spline(pieces: int) -> Motion:
+    """Constant acceleration in each of some equal parts of the observation, as smooth as that is.
+
+    It says nothing of how a target moves but that it has inertia, so it fits turns of any kind.
+    """
+    knots = tuple(2 * (k + 1) / pieces - 1 for k in range(pieces - 1))
+    return Motion(f"{pieces} accelerations", 1 + pieces, knots=knots)
 
 
 def _grid(*axes: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:

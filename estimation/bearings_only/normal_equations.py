@@ -121,14 +121,26 @@ def products(residual: Array, jacobian: Array) -> tuple[Array, Array]:
 
 def residuals(scene: Scene, motion: Motion, p: Array) -> tuple[Array, Array]:
     """Standardised residuals (N, B), measured less predicted bearing, with J (M, N, B)."""
-    d, by = directions(scene, motion, p)
-    residual = scene.weight * np.angle(d * scene.toward.conj())
-    reciprocal = scene.weight * d.conj() / (np.abs(d) ** 2 + 1e-300)
-    size, s = motion.degree + 1, motion.scale_row
-    jacobian = np.empty(by.shape)
-    jacobian[:size] = (by[:size] * reciprocal).imag
-    jacobian[size:s] = (by[:size] * reciprocal).real
-    jacobian[s:] = (by[s:] * reciprocal).imag
+    c, s, shape = unpacked(motion, p)
+    f, slopes = motion.basis(scene.time, shape)
+    d = (f[1:] * c[1:, None]).sum(axis=0) if len(f) > 2 else f[1] * c[1]
+    d += c[0]
+    d -= s * scene.observer
+    turned = d * scene.toward.conj()
+    residual = np.arctan2(turned.imag, turned.real)
+    residual *= scene.weight
+    reciprocal = d.conj()
+    reciprocal *= scene.weight / (d.real**2 + d.imag**2 + 1e-300)
+    size, row = motion.degree + 1, motion.scale_row
+    jacobian = np.empty((len(p), *residual.shape))
+    jacobian[0], jacobian[size] = reciprocal.imag, reciprocal.real
+    for k in range(1, size):
+        rows = f[k] * reciprocal
+        jacobian[k], jacobian[size + k] = rows.imag, rows.real
+    jacobian[row] = -(scene.observer * reciprocal).imag
+    reciprocal *= c[1]
+    for k, slope in enumerate(slopes):
+        jacobian[row + 1 + k] = (slope * reciprocal).imag
     return residual, jacobian
 
 

@@ -55,14 +55,20 @@ class JointSolution(NamedTuple):
     converged: bool
 
 
-class _Frames(NamedTuple):
-    """Who took each row, and what is known of the others, in units of the scene."""
+class Frames(NamedTuple):
+    """Who took each row, and what is known of the others, in units of the scene.
+
+    Attributes:
+        carrier: (N,) 0 = the own one.
+        sigmas: (G,) yaw [rad], east, north [lengths] of each other carrier.
+    """
 
     carrier: NDArray[np.int_]
-    sigmas: Array  # (G,) yaw [rad], east, north [lengths] of each other carrier
+    sigmas: Array
 
     @property
     def others(self) -> int:
+        """How many carriers there are but the own."""
         return len(self.sigmas) // 3
 
 
@@ -102,7 +108,7 @@ def jointly(
     """
     if len(priors) != len(carriers) - 1 or len({c.bearing_rad.shape[0] for c in carriers}) != 1:
         raise ValueError("need the same targets from all carriers and a prior of each but the own")
-    scene, frames = _together(carriers, priors)
+    scene, frames = together(carriers, priors)
     problem = criterion(scene, motion)
     with np.errstate(all="ignore"):
         p = problem.admissible(taubin(lines_of(scene, motion, np.zeros((0, 1, 1)))))
@@ -110,7 +116,7 @@ def jointly(
         return _told(problem, frames, p, g, system, converged)
 
 
-def _together(carriers: Sequence[Bearings], priors: Sequence[FramePrior]) -> tuple[Scene, _Frames]:
+def together(carriers: Sequence[Bearings], priors: Sequence[FramePrior]) -> tuple[Scene, Frames]:
     """One scene of all rows in order of time, at equal times the own carrier's last."""
     carriers = [padded(c) for c in carriers]
     t = np.concatenate([c.t_s for c in carriers])
@@ -131,10 +137,10 @@ def _together(carriers: Sequence[Bearings], priors: Sequence[FramePrior]) -> tup
         for prior in priors
         for s in (prior.sigma_yaw_rad, *2 * (max(prior.sigma_offset_m, 1e-3) / length,))
     ]
-    return scene, _Frames(who[order], np.array(sigmas))
+    return scene, Frames(who[order], np.array(sigmas))
 
 
-def _descended(problem: Criterion, frames: _Frames, p: Array) -> tuple[Array, Array, _System, bool]:
+def _descended(problem: Criterion, frames: Frames, p: Array) -> tuple[Array, Array, _System, bool]:
     """Levenberg-Marquardt over targets and frames together."""
     g = np.zeros(len(frames.sigmas))
     here = _system(problem, frames, p, g)
@@ -152,22 +158,9 @@ def _descended(problem: Criterion, frames: _Frames, p: Array) -> tuple[Array, Ar
     return p, g, here, False
 
 
-def _system(problem: Criterion, frames: _Frames, p: Array, g: Array) -> _System:
+def _system(problem: Criterion, frames: Frames, p: Array, g: Array) -> _System:
     """Residuals of all bearings with the carriers' frames as g says, and their derivatives."""
-    yaw, offset = _by_row(frames, g)
-    scene = problem.scene._replace(observer=problem.scene.observer + offset[:, None])
-    d, by = directions(scene, problem.motion, p)
-    reciprocal = scene.weight / (d + 1e-300)
-    turned = scene.toward * np.exp(-1j * yaw)[:, None]
-    residual = scene.weight * np.angle(d * turned.conj())
-    rows = (by * reciprocal).imag
-    moved = -p[problem.motion.scale_row] * reciprocal
-    frame_rows = np.zeros((len(g), *residual.shape))
-    for k in range(frames.others):
-        mine = (frames.carrier == k + 1)[:, None]
-        frame_rows[3 * k] = scene.weight * mine
-        frame_rows[3 * k + 1] = moved.imag * mine
-        frame_rows[3 * k + 2] = moved.real * mine
+    residual, rows, frame_rows = rows_of(problem, frames, p, g[:, None])
     white = g / frames.sigmas
     return _System(
         float((residual**2).sum() + white @ white),
@@ -179,10 +172,31 @@ def _system(problem: Criterion, frames: _Frames, p: Array, g: Array) -> _System:
     )
 
 
-def _by_row(frames: _Frames, g: Array) -> tuple[Array, NDArray[np.complex128]]:
-    """Yaw and offset of the carrier of each row."""
-    each = np.concatenate([np.zeros((1, 3)), g.reshape(-1, 3)])[frames.carrier]
-    return each[:, 0], each[:, 1] + 1j * each[:, 2]
+def rows_of(problem: Criterion, frames: Frames, p: Array, g: Array) -> tuple[Array, Array, Array]:
+    """Residuals (N, T) of all bearings, and their derivatives by targets and by frames.
+
+    Args:
+        p: (M, T) of the targets.
+        g: (G, T) yaw and offset of each other carrier as each target has them; or (G, 1).
+
+    Returns:
+        (N, T), (M, N, T), (G, N, T).
+    """
+    each = np.concatenate([np.zeros((1, 3, g.shape[1])), g.reshape(-1, 3, g.shape[1])])
+    yaw, east, north = np.moveaxis(each[frames.carrier], 1, 0)
+    scene = problem.scene._replace(observer=problem.scene.observer + (east + 1j * north))
+    d, by = directions(scene, problem.motion, p)
+    reciprocal = scene.weight / (d + 1e-300)
+    turned = scene.toward * np.exp(-1j * yaw)
+    residual = scene.weight * np.angle(d * turned.conj())
+    moved = -p[problem.motion.scale_row] * reciprocal
+    by_frames = np.zeros((len(g), *residual.shape))
+    for k in range(frames.others):
+        mine = (frames.carrier == k + 1)[:, None]
+        by_frames[3 * k] = scene.weight * mine
+        by_frames[3 * k + 1] = moved.imag * mine
+        by_frames[3 * k + 2] = moved.real * mine
+    return residual, (by * reciprocal).imag, by_frames
 
 
 def _step(
@@ -217,7 +231,7 @@ def _reduced(here: _System, factor: Array) -> tuple[Array, Array]:
 
 
 def _told(
-    problem: Criterion, frames: _Frames, p: Array, g: Array, system: _System, converged: bool
+    problem: Criterion, frames: Frames, p: Array, g: Array, system: _System, converged: bool
 ) -> JointSolution:
     """The result in metres, each target's information with the frames integrated out."""
     factor = cholesky(_regular(problem, system, p, 0.0))

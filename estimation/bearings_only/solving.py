@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import gammaincc
 
 from estimation.arrays import Array
+from estimation.bearings_only.doubt import FrameDoubt
 from estimation.bearings_only.estimate import Estimate, LineOfSight
 from estimation.bearings_only.family import Hypothesis, hypotheses, three_legs
 from estimation.bearings_only.measurements import Bearings, Scene, scene_of
@@ -27,7 +28,8 @@ from estimation.bearings_only.solution import (
 )
 
 ALARM = 0.01  # p value of the winner below which its motion is not believed
-_BLOCK = 32
+_DOUBTFUL = 0.1  # and below which more turns are tried: a turn left out may well pass for chance
+_BLOCK = 64
 
 
 def solve(
@@ -58,19 +60,31 @@ def solve_many(
     prior: MotionPrior | None = None,
     motions: Sequence[Motion] = FAMILY,
     loss: Loss | None = None,
+    doubt: FrameDoubt | None = None,
 ) -> list[Solution]:
-    """The same for every target of a batch, flattened, at a fraction of the time."""
+    """The same for every target of a batch, flattened, at a fraction of the time.
+
+    Args:
+        given, prior, motions, loss: as of `solve`, with leading axes.
+        doubt: where the bearings are of several carriers: how well their frames are known.
+    """
     scene, prior = scene_of(given), prior or MotionPrior()
     with np.errstate(all="ignore"):
-        fits = _fits(scene, prior, motions, loss)
-        alarmed = [i for i, tried in enumerate(fits) if _best(tried).p_value < ALARM]
+        fits = _fits(scene, prior, motions, loss, doubt)
+        alarmed = [i for i, tried in enumerate(fits) if _best(tried).p_value < _DOUBTFUL]
         for start in range(0, len(alarmed), _BLOCK):
             some = alarmed[start : start + _BLOCK]
+            columns = np.array(some)
             more = three_legs(
-                scene.take(np.array(some)), prior, _turns([fits[i] for i in some]), loss
+                scene.take(columns),
+                prior,
+                _turns([fits[i] for i in some]),
+                loss,
+                doubt.take(columns) if doubt else None,
             )
-            for column, i in enumerate(some):
-                fits[i].append(_Fit(more, column))
+            for h in more:
+                for column, target in enumerate(h.columns):
+                    fits[some[target]].append(_Fit(h, column))
         return [_judged(tried, scene, i) for i, tried in enumerate(fits)]
 
 
@@ -104,14 +118,23 @@ class _Fit(NamedTuple):
 
 
 def _fits(
-    scene: Scene, prior: MotionPrior, motions: Sequence[Motion], loss: Loss | None
+    scene: Scene,
+    prior: MotionPrior,
+    motions: Sequence[Motion],
+    loss: Loss | None,
+    doubt: FrameDoubt | None,
 ) -> list[list[_Fit]]:
     """Of every target, all motions."""
     fits: list[list[_Fit]] = []
     for start in range(0, scene.targets, _BLOCK):
         columns = np.arange(start, min(start + _BLOCK, scene.targets))
-        tried = hypotheses(scene.take(columns), prior, motions, loss)
-        fits += [[_Fit(h, column) for h in tried] for column in range(len(columns))]
+        part = doubt.take(columns) if doubt else None
+        tried = hypotheses(scene.take(columns), prior, motions, loss, part)
+        each: list[list[_Fit]] = [[] for _ in columns]
+        for h in tried:
+            for column, target in enumerate(h.columns):
+                each[target].append(_Fit(h, column))
+        fits += each
     return fits
 
 
@@ -121,11 +144,11 @@ def _best(tried: Sequence[_Fit]) -> _Fit:
 
 def _turns(fits: Sequence[Sequence[_Fit]]) -> Array | None:
     """The finite turns (3, B) that were found, when one was tried."""
+    turned = [[fit for fit in tried if fit.motion.name == FINITE_TURN.name][:1] for tried in fits]
     found = [
         fit.hypothesis.estimate.p[FINITE_TURN.scale_row + 1 :, fit.column]
-        for tried in fits
-        for fit in tried
-        if fit.motion.name == FINITE_TURN.name
+        for one in turned
+        for fit in one
     ]
     return np.stack(found, axis=1) if len(found) == len(fits) else None
 
@@ -134,29 +157,48 @@ def _judged(tried: list[_Fit], scene: Scene, column: int) -> Solution:
     """The solution of one target from all its fits."""
     last_s = float(_of(scene.middle_s, column) + _of(scene.half_span_s * scene.time[-1], column))
     used = int(scene.seen[column])
-    tried = sorted(tried, key=lambda fit: -fit.log_evidence)
-    evidence = np.array([fit.log_evidence for fit in tried])
-    if used == 0 or not np.isfinite(evidence[:1]).all():
+    if used == 0 or not np.isfinite(_best(tried).log_evidence):
         return unknown(used, last_s)
-    weights = np.exp(evidence - evidence[0])
-    weights /= weights.sum()
-    heavy = max(int((weights >= COUNTS).sum()), 1)
-    shares = weights[:heavy] / weights[:heavy].sum()
-    estimates = [fit.estimate() for fit in tried[:heavy]]
+    tried, weights, candidates = _ranked(tried)
+    counts = weights >= COUNTS
+    counts[0] = True
+    heavy, shares = (
+        [tried[i] for i in np.flatnonzero(counts)],
+        weights[counts] / weights[counts].sum(),
+    )
+    estimates = [fit.estimate() for fit in heavy]
     line = estimates[0].line_of_sight().one()
-    relative, interval = _spread(tried[:heavy], shares)
+    relative, interval = _spread(heavy, shares)
     return Solution(
         status_of(relative),
         relative,
         interval,
         line,
         velocity_family(estimates[0], line),
-        tuple(fit.candidate(float(w)) for fit, w in zip(tried, weights, strict=True)),
+        candidates,
         tried[0].p_value < ALARM,
         used,
         last_s,
         tuple(zip(shares.tolist(), estimates, strict=True)),
     )
+
+
+def _ranked(tried: list[_Fit]) -> tuple[list[_Fit], Array, tuple[Candidate, ...]]:
+    """Fits by falling weight of their motion, then their own; these weights; the motions."""
+    evidence = np.array([fit.log_evidence for fit in tried])
+    weights = np.exp(evidence - evidence.max())
+    weights /= weights.sum()
+    total: dict[str, float] = {}
+    for fit, weight in zip(tried, weights.tolist(), strict=True):
+        total[fit.motion.name] = total.get(fit.motion.name, 0.0) + weight
+    order = sorted(
+        range(len(tried)),
+        key=lambda i: (-total[tried[i].motion.name], tried[i].motion.name, -weights[i]),
+    )
+    best = {tried[i].motion.name: tried[i] for i in reversed(order)}
+    names = dict.fromkeys(tried[i].motion.name for i in order)
+    candidates = tuple(best[name].candidate(total[name]) for name in names)
+    return [tried[i] for i in order], weights[order], candidates
 
 
 def _spread(tried: Sequence[_Fit], shares: Array) -> tuple[float, Interval]:

@@ -20,25 +20,26 @@ from estimation.bearings_only import Bearings, MotionPrior, Solution, bearings, 
 from estimation.tracking.seeding import restated, seeded
 from schemas.messages import BearingLine, SourceReport
 
-from ..navigation import NS, symmetric, upper_triangle
+from ..navigation import NS, symmetric
 from ..picture.axes import Placed, placed
 from ..picture.fusing import settings_of
 from ..settings import PassiveSettings
 from ..sources.coordinates import column, instants_ns
 from ..state import Drawn, Line, Notes, State
 from ..timeline import Instant
+from . import crossing
+from .telling import described
 
-MOST_RANGE_M = 1e9
 NO_LINE = Line(t_ns=np.zeros(0, dtype=np.int64), seen=np.zeros((0, 4)))
 SEEN_SURELY = 0.99
 """Existence of a track that begins with a solution of many bearings."""
-_COVARIANCE = upper_triangle(4)
 
 
 def with_bearings(state: State, instant: Instant) -> State:
     """The state with the bearings of one instant in its lines."""
     if not state.settings.passive.enabled:
         return state
+    state = crossing.crossed(state, instant)
     for message in instant.messages:
         if isinstance(message, SourceReport) and message.bearing_rad and message.range_m is None:
             with np.errstate(all="ignore"):  # numbers from the wire may be anything in bounds
@@ -103,10 +104,12 @@ def _bounded(lines: dict[str, Line], most: int) -> dict[str, Line]:
 def _solved(state: State, t_ns: int) -> State:
     """The state with every line solved anew that has news and has waited long enough."""
     settings, lines = state.settings.passive, dict(state.lines)
+    together = crossing.shown(state, t_ns)
     due = [
         key
         for key, line in sorted(lines.items())
-        if len(line.t_ns) >= settings.least_bearings
+        if line.identity not in together
+        and len(line.t_ns) >= settings.least_bearings
         and line.t_ns[-1] > line.solved_t_ns
         and (line.tried_t_ns < 0 or t_ns - line.tried_t_ns >= round(settings.solve_every_s * 1e9))
     ]
@@ -124,27 +127,30 @@ def _solved(state: State, t_ns: int) -> State:
 def _seeded(state: State, t_ns: int) -> State:
     """The state with a track of every target whose range has just been found to be known.
 
-    As long as nobody else sees the target, its track is what the newest solution says: that rests
-    on all bearings at once, the filter of the picture on one after another.
+    As long as none but those whose bearings it has see the target, its track is what the newest
+    solution says: that rests on all bearings at once, the filter of the picture on one after
+    another.
     """
     drawn = state.picture
     if drawn.picture is None or not state.settings.picture.enabled:
         return state
     known = {note.identity: number for number, note in drawn.notes.items() if note.identity}
-    for key, line in state.lines.items():
+    for key, line in (*state.lines.items(), *state.crossed.items()):
         told = line.told
         if told is None or line.tried_t_ns != t_ns or not line.identity:
             continue
         if told.status != "determined":
             continue
         number = known.get(line.identity)
-        if number is None or _is_alone(drawn.notes[number], key):
+        if number is None or _is_alone(drawn.notes[number], key, told.carriers):
             drawn = _with_track(state, drawn, number, line.identity, told)
     return state if drawn is state.picture else replace(state, picture=drawn)
 
 
-def _is_alone(notes: Notes, key: str) -> bool:
-    """Whether a track rests on this source only."""
+def _is_alone(notes: Notes, key: str, carriers: Sequence[str]) -> bool:
+    """Whether a track rests on this source, or on these carriers, only."""
+    if carriers:
+        return {source.partition("/")[0] for source in notes.logs} <= set(carriers)
     return set(notes.logs) <= {key.rpartition("/")[0]}
 
 
@@ -180,7 +186,6 @@ def _told(key: str, line: Line, solution: Solution, count: int) -> BearingLine |
     if of_sight is None or not np.isfinite(of_sight.covariance).all():
         return None
     east, north, _, sigma = line.seen[-1].tolist()
-    winner, runner = solution.winner, solution.runner_up
     told = BearingLine(
         id=key,
         status=solution.status,
@@ -190,37 +195,17 @@ def _told(key: str, line: Line, solution: Solution, count: int) -> BearingLine |
         sigma_bearing_rad=float(np.sqrt(max(of_sight.covariance[0, 0], 0.0))) or sigma,
         bearing_rate_rad_s=float(of_sight.bearing_rate_rad_s),
         range_rate_by_range_hz=float(of_sight.range_rate_over_range),
-        range_low_m=min(solution.interval.low_m, MOST_RANGE_M),
-        range_high_m=_bound(solution.interval.high_m),
-        motion=winner.motion if winner else "",
-        motion_probability=min(winner.weight, 1.0) if winner else 0.0,
-        runner_up=runner.motion if runner else "",
-        p_value=min(max(winner.p_value, 0.0), 1.0) if winner else 1.0,
-        alarm=solution.alarm,
-        bearings=count,
     )
-    return _with_place(told, solution)
-
-
-def _with_place(told: BearingLine, solution: Solution) -> BearingLine:
-    """The same with a place, where the bearings give one."""
-    state = solution.at(solution.last_s)
-    if state is None or not np.isfinite(state.covariance).all():
-        return told
-    place, rate = state.position_m.tolist(), state.velocity_mps.tolist()
-    if max(map(abs, place)) > MOST_RANGE_M or max(map(abs, rate)) > 1e5:
-        return told
-    covariance: list[float] = state.covariance[_COVARIANCE].tolist()
-    return replace(told, position_m=place, velocity_mps=rate, covariance=covariance)
-
-
-def _bound(range_m: float) -> float | None:
-    """The upper end of an interval; none where it is open."""
-    return range_m if range_m < MOST_RANGE_M else None
+    return described(told, solution, count)
 
 
 def lines(state: State, t_ns: int) -> list[BearingLine]:
-    """What is told of the bearings at a closing, while they are not too old."""
+    """What is told of the bearings at a closing, while they are not too old.
+
+    A target that several carriers see together has one line.
+    """
     oldest = t_ns - round(state.settings.passive.shown_s * 1e9)
-    told = (line.told for _, line in sorted(state.lines.items()))
-    return [line for line in told if line is not None and line.t_ns >= oldest]
+    together = crossing.shown(state, t_ns)
+    told = (line.told for _, line in sorted(state.lines.items()) if line.identity not in together)
+    alone = [line for line in told if line is not None and line.t_ns >= oldest]
+    return alone + [line for _, line in sorted(together.items())]

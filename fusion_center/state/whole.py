@@ -45,6 +45,7 @@ class State(Struct, frozen=True, kw_only=True):
         lines: by carrier/source/name of the target there.
         group: carriers that range to each other and to beacons; None while there is none.
         rays: by carrier/kind/name of the target; only while some carrier sees bearings only.
+        crossed: what is told of targets of which several carriers have bearings, by kind/name.
         published: messages so far, by key.
     """
 
@@ -62,6 +63,7 @@ class State(Struct, frozen=True, kw_only=True):
     lines: dict[str, Line] = {}
     group: Group | None = None
     rays: dict[str, Rays] = {}
+    crossed: dict[str, Line] = {}
     past: tuple[Past, ...] = ()
     published: dict[str, int] = {}
 

@@ -206,6 +206,8 @@ class BearingLine(Struct, frozen=True, kw_only=True, omit_defaults=True):
         motion: the most probable one, with its probability; runner_up: the next.
         p_value: of the bearings' chi2; alarm: no motion that was tried explains them.
         bearings: how many the solution rests on.
+        carriers: of whose bearings, when they are of several: the covariance holds what their
+            frames leave unsure, and id names them and the target.
     """
 
     id: Text
@@ -227,6 +229,7 @@ class BearingLine(Struct, frozen=True, kw_only=True, omit_defaults=True):
     p_value: Share = 1.0
     alarm: bool = False
     bearings: Count = 0
+    carriers: list[Text] = []
 
 
 class Tracks(Output, frozen=True, kw_only=True, omit_defaults=True):

@@ -26,7 +26,7 @@ from estimation.bearings_only import (
     polynomial,
 )
 from estimation.bearings_only.criterion import criterion
-from estimation.bearings_only.family import hypothesis, second_turns
+from estimation.bearings_only.family import modes, second_turns
 from estimation.bearings_only.fitting import begun, grid_of, lowest
 from estimation.bearings_only.levenberg_marquardt import minimised
 from estimation.bearings_only.linear_algebra import cholesky, inverted, log_determinant, solved
@@ -194,7 +194,7 @@ def test_starts_are_sorted_and_descents_only_descend(motion: Motion) -> None:
 def test_evidence_prefers_the_simpler_of_two_that_fit() -> None:
     scene = scene_of(benchmark(np.random.default_rng(5), "M", "A", 60, 10).given)
     found = [
-        hypothesis(criterion(scene, m, MotionPrior()), grid_of(m), scene)
+        modes(criterion(scene, m, MotionPrior()), grid_of(m), scene)[0]
         for m in (CONSTANT_VELOCITY, polynomial(2), TWO_LEGS)
     ]
     simple, *others = (h.log_evidence for h in found)
@@ -207,7 +207,7 @@ def test_evidence_prefers_the_simpler_of_two_that_fit() -> None:
 
 def test_dof_counts_what_the_bearings_determine() -> None:
     scene = scene_of(benchmark(np.random.default_rng(6), "M", "A", 10, 5).given)
-    found = hypothesis(
+    (found,) = modes(
         criterion(scene, CONSTANT_VELOCITY, MotionPrior()), grid_of(CONSTANT_VELOCITY), scene
     )
     np.testing.assert_allclose(found.dof, 41 - 4, atol=0.1)
