@@ -68,6 +68,8 @@ def _notes(recording: Recording, comparison: Comparison | None) -> list[str]:
     notes = []
     if recording.condition:
         notes.append(recording.condition)
+    if count := recording.unchecked:
+        notes.append(f"{count} stretches of messages have no checksum: damage in them is not seen")
     if recording.end is None:
         notes.append("the recorder left no word about its end")
     elif recording.end.torn:

@@ -41,6 +41,8 @@ _CHUNK_INDEX = Struct("<QQQQL")
 _ENTRY = Struct("<HQ")
 """Channel, and where its message index is."""
 _CRC_BYTES = 4
+_CHUNK_CRC_AT = 24
+"""Behind two times and a size."""
 BLOCK_BYTES = 1024 * 1024
 RUN_MESSAGES = 1024
 """Messages outside chunks are taken together, so many at most."""
@@ -305,9 +307,22 @@ def data_crc(source: Source, index: Index) -> None:
     frame = next(frames(source, index.data_end), None)
     if frame is None or frame.opcode != Opcode.DATA_END:
         raise source.damaged("data does not end where the index says", index.data_end)
-    wanted = parse(source, DataEnd, frame).data_section_crc
-    crc = 0
+    wanted, crc = parse(source, DataEnd, frame).data_section_crc, 0
     for offset in range(0, index.data_end, BLOCK_BYTES):
         crc = zlib.crc32(source.read(offset, min(BLOCK_BYTES, index.data_end - offset)), crc)
     if wanted not in (0, crc):
         raise source.damaged("CRC of the data differs", 0)
+
+
+def unchecked(source: Source, index: Index) -> int:
+    """How many stretches of messages no CRC covers: what is damaged in them cannot be seen."""
+    frame = next(frames(source, index.data_end), None) if index.data_end else None
+    if frame and frame.opcode == Opcode.DATA_END and parse(source, DataEnd, frame).data_section_crc:
+        return 0
+    return sum(not _has_crc(source, span) for span in index.spans)
+
+
+def _has_crc(source: Source, span: Span) -> bool:
+    opcode, _ = HEAD.unpack(source.read(span.offset, HEAD.size))
+    at = span.offset + HEAD.size + _CHUNK_CRC_AT
+    return opcode == Opcode.CHUNK and any(source.read(at, _CRC_BYTES))

@@ -23,7 +23,7 @@ from .. import messages as m
 from ..errors import RecordingError, WireError
 from ..keys import Role, Topic
 from .contents import END, RUN, SCENARIO, STATISTICS, Attachment, RunEnd, RunHeader, from_metadata
-from .index import Index, Span, data_crc, index_of
+from .index import Index, Span, data_crc, index_of, unchecked
 from .recorded import (
     Channels,
     KnownChannel,
@@ -174,6 +174,11 @@ class Recording:
             pass
         _ = self.attachments
         data_crc(self._source, self.index)
+
+    @property
+    def unchecked(self) -> int:
+        """Stretches of messages without a CRC, in files of other writers: damage is not seen."""
+        return unchecked(self._source, self.index)
 
     def close(self) -> None:
         """Give back the file."""

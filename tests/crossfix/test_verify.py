@@ -5,11 +5,13 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 from msgspec.structs import replace
 
 from crossfix.differences import first_difference
 from schemas import keys
 from schemas.messages import StreamSpan
+from schemas.recording.reader import open_recording
 from tests.crossfix.conftest import Crossfix
 from tests.crossfix.remade import remade
 from tests.crossfix.small_recording import (
@@ -205,3 +207,24 @@ def test_outputs_that_are_none_are_an_error(path: Path, crossfix: Crossfix) -> N
     shown = crossfix("verify", bad, "--refuse")
     assert shown.code == 2
     assert "not an output" in shown.err
+
+
+@pytest.mark.parametrize(
+    "form", [{"enable_crcs": False}, {"use_chunking": False}], ids=["no_crc", "unchunked"]
+)
+def test_messages_without_a_checksum_are_told(
+    form: dict[str, bool], path: Path, tmp_path: Path, crossfix: Crossfix
+) -> None:
+    record(path)
+    assert "no checksum" not in crossfix("verify", path).out
+    other = tmp_path / "other.mcap"
+    with open_recording(path) as recording, other.open("wb") as file:
+        writer = Writer(file, **form)  # type: ignore[arg-type]
+        writer.start(profile="crossfix")
+        for metadata in recording.index.metadata:
+            writer.add_metadata(metadata.name, metadata.metadata)
+        for message in recording.messages():
+            channel = writer.register_channel(message.key, "msgpack", 0)
+            writer.add_message(channel, message.log_time_ns, message.payload, 0, message.sequence)
+        writer.finish()
+    assert "no checksum" in crossfix("verify", other).out
