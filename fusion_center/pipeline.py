@@ -12,7 +12,7 @@ it repeats the last one; `valid_t_ns` says for when it holds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from msgspec.structs import replace
@@ -30,6 +30,7 @@ from schemas.messages import (
     Input,
     Output,
     Quality,
+    SourceReport,
     Tracks,
 )
 
@@ -46,7 +47,7 @@ from .relative_frames import feedback, joint, memoryless
 from .relative_frames.monitor import sentence
 from .rollback import Course
 from .settings import Settings
-from .sources.intake import absorb, take_part
+from .sources.intake import absorb, out_of_order, take_part
 from .sources.uncorrected import taken_out
 from .state import State
 from .timeline import Batch
@@ -109,6 +110,8 @@ def step(state: State, closed: Closed, messages: Sequence[Input | Event]) -> tup
     state = carry_out(replace(state, timeline=now), batch.events)
     state = take_part(state, closed)
     tally = _not_fused(batch, closed)
+    for report in out_of_order(state, _reports(batch)):
+        tally.disordered(report)
     batch = taken_out(batch, state.centre, closed.step, tally)
 
     # per-source tracks -> report events (frames: searched for, then followed together)
@@ -135,6 +138,12 @@ def _fused(state: State, instant: timeline.Instant, course: Course, tally: Tally
         state, instant, lambda message: tally if course.is_new(message) else silent
     )
     return group.with_messages(passive_lines.with_bearings(state, instant), instant)
+
+
+def _reports(batch: Batch) -> Iterator[SourceReport]:
+    """Those among what a Closed brings."""
+    for instant in batch.instants:
+        yield from (m for m in instant.messages if isinstance(m, SourceReport))
 
 
 def _not_fused(batch: Batch, closed: Closed) -> Tally:

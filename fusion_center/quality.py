@@ -83,6 +83,11 @@ class Tally:
         row.logs += len(report)
         row.flags[f"no navigation of {report.carrier} yet: not used"] = None
 
+    def disordered(self, report: SourceReport) -> None:
+        """A report that is stamped before one that its source has sent earlier."""
+        row = self._row(report.carrier, report.stream)
+        row.flags["stamps jump: of two reports the one sent later is stamped earlier"] = None
+
     def unpictured(self, report: SourceReport) -> None:
         """A report of which the picture cannot take in anything."""
         row = self._row(report.carrier, report.stream)

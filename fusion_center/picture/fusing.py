@@ -12,9 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
-from estimation.arrays import Array
 from estimation.object_count import Count
 from estimation.tracking import tracker
 from estimation.tracking.bernoulli import PairTerm
@@ -26,16 +24,14 @@ from schemas.messages import Input, SourceProperties, SourceReport, Track
 from ..navigation import NS, upper_triangle
 from ..quality import Tally
 from ..sources.features import NOTHING_LEARNED, layout
-from ..state import Drawn, Learned, Notes, State, Watched
+from ..state import Learned, Notes, State, Watched
 from ..timeline import Instant
-from . import learning
+from . import learning, names
 from .axes import placed
 from .classes import classes_of
 from .scans import Plots, plots, told_key
-from .watch import flags, look, watched
+from .watch import Look, flags, look, names_are_believed, watched
 
-SAME_NAME, OTHER_NAME = 12.0, -12.0
-"""ln of how much likelier two logs are of one target if they bear one name, or two."""
 MINE = 0.5
 """Probability from which a log is said to be of a track."""
 MOST_SPEED_MPS = 1e5
@@ -71,19 +67,19 @@ def _with_report(state: State, report: SourceReport, tally: Tally) -> State:
     settings = settings_of(state)
     before = state.picture.picture or tracker.nothing(settings, report.t_ns)
     seen = _not_before(seen, before.t_ns)
-    names = _names(report, seen)
-    by_name = _by_name(state.picture, before, names)
+    calls = _calls(state, report, seen, before)
     try:
-        after, done = tracker.step(before, seen.scan, settings, by_name)
+        after, done = tracker.step(before, seen.scan, settings, calls.term())
     except (np.linalg.LinAlgError, ValueError):
         tally.unpictured(report)
         return state
     after = _sane(after)
-    notes = _noted(state, report, seen, names, done)
+    notes = _noted(state, report, seen, calls, done)
     alive = {str(number) for number in after.tracks.identity.tolist()}
     kept = {number: note for number, note in notes.items() if number in alive}
     told = {} if seen.told is None else {told_key(state, report): seen.told}
-    counts = _watched(state, report, done, tally)
+    agreed = names.agreement(calls.of_track, calls.of_plot, before, done)
+    counts = _watched(state, report, look(done, _dimensions(state, report)), agreed, tally)
     learned = _learned(state, report, seen, (before, done), tally)
     drawn = replace(
         state.picture,
@@ -123,16 +119,21 @@ def _learned(
 
 
 def _watched(
-    state: State, report: SourceReport, done: Association, tally: Tally
+    state: State, report: SourceReport, seen: Look, agreed: names.Agreement, tally: Tally
 ) -> dict[str, Watched]:
     """How a source agrees with the picture after one more report, counted and told."""
     properties = state.sources(report.carrier).get(report.stream, SourceProperties())
-    seen = look(done, 1 if properties.coordinates == "bearing" else 2)
     key = told_key(state, report)
-    now = watched(state.picture.watched.get(key, Watched()), seen)
+    now = watched(state.picture.watched.get(key, Watched()), seen, agreed)
     false = properties.clutter_per_scan + state.settings.tracking.clutter_per_scan
     tally.pictured(report, seen, flags(now, false))
     return {key: now}
+
+
+def _dimensions(state: State, report: SourceReport) -> int:
+    """Of one plot of a source."""
+    properties = state.sources(report.carrier).get(report.stream, SourceProperties())
+    return 1 if properties.coordinates == "bearing" else 2
 
 
 def _sane(picture: Picture) -> Picture:
@@ -184,51 +185,37 @@ def _not_before(seen: Plots, t_ns: int) -> Plots:
     return seen._replace(scan=seen.scan._replace(t_ns=t_ns, plots=shifted))
 
 
-class _Names(NamedTuple):
-    """Identities (m,) of the plots of a scan, kind/name; empty where a log has none."""
+class _Calls(NamedTuple):
+    """Names (m,) of plots and (n,) of tracks, and whether those of the source are believed."""
 
-    of_plot: NDArray[np.object_]
+    of_plot: names.Names
+    of_track: names.Names
+    trusted: bool
 
-
-def _names(report: SourceReport, seen: Plots) -> _Names:
-    identities, kinds = report.identity or [], report.identity_kind or []
-    names = [
-        f"{kinds[i] if kinds else ''}/{identities[i]}" if identities and identities[i] else ""
-        for i in seen.log.tolist()
-    ]
-    return _Names(np.array(names, dtype=object))
+    def term(self) -> PairTerm | None:
+        return names.pair_term(self.of_track, self.of_plot) if self.trusted else None
 
 
-def _by_name(drawn: Drawn, before: Picture, names: _Names) -> PairTerm | None:
-    """What names say of a pair of a track and a plot; nothing where either has none."""
-    if not names.of_plot.any():
-        return None
-    notes = drawn.notes
-    known = (notes.get(str(n), Notes()).identity for n in before.tracks.identity.tolist())
-    of_track = np.array(list(known), dtype=object)
-
-    def term(track: NDArray[np.intp], plot: NDArray[np.intp]) -> Array:
-        one, other = of_track[track], names.of_plot[plot]
-        both = (one != "") & (other != "")
-        return np.where(both, np.where(one == other, SAME_NAME, OTHER_NAME), 0.0)
-
-    return term
+def _calls(state: State, report: SourceReport, seen: Plots, before: Picture) -> _Calls:
+    """What the plots of a report are called, and the tracks before it."""
+    count = state.picture.watched.get(told_key(state, report), Watched())
+    of_plot, of_track = names.told(report, seen.log), names.borne(state.picture.notes, before)
+    return _Calls(of_plot, of_track, names_are_believed(count))
 
 
 def _noted(
-    state: State, report: SourceReport, seen: Plots, names: _Names, done: Association
+    state: State, report: SourceReport, seen: Plots, calls: _Calls, done: Association
 ) -> dict[str, Notes]:
     """Which names and logs stand behind each track."""
     notes = dict(state.picture.notes)
     source = f"{report.carrier}/{report.stream}"
     boot = state.carriers[report.carrier].boot
     for number, plot in _taken(done):
-        name = str(number)
-        before = notes.get(name, Notes())
+        track = str(number)
+        before = notes.get(track, Notes())
         log = f"{report.carrier}/{boot}/{report.stream}/{report.seq}/{seen.log[plot]}"
-        notes[name] = Notes(
-            identity=before.identity or names.of_plot[plot], logs={**before.logs, source: log}
-        )
+        identity = names.kept(before.identity, calls.of_plot[plot], calls.trusted)
+        notes[track] = Notes(identity=identity, logs={**before.logs, source: log})
     return notes
 
 

@@ -1,4 +1,4 @@
-"""Whether what a source claims of its plots agrees with the picture: sigma, and false plots.
+"""Whether what a source claims agrees with the picture: sigma, false plots, names.
 
 Counts are forgotten over about fifty reports, so that a source that mends its ways is believed
 again. What is flagged is still fused: the picture weighs plots by what is declared of them.
@@ -13,6 +13,7 @@ import numpy as np
 from estimation.tracking.tracker import Association
 
 from ..state import Watched
+from .names import Agreement
 
 KEPT = 0.98
 """Of the counts from report to report."""
@@ -26,6 +27,13 @@ be seen, and plots that lie evenly in it have 4."""
 MOST_FALSE, MORE_FALSE = 3.0, 5.0
 """Times the declared number of false plots, and as many more, are too many."""
 TAKEN = 0.5
+MOST_ASTRAY = 5.0
+"""Plots, not forgotten, whose name is that of a target elsewhere: more are no accident."""
+WRONG = 0.2
+"""Share of the names of a source that are astray, from which none of them is used."""
+
+
+NO_NAMES = Agreement()
 
 
 class Look(NamedTuple):
@@ -55,7 +63,7 @@ def look(done: Association, dimensions: int) -> Look:
     return Look(taken, len(done.begun) - taken, float(squared.sum()), dimensions * len(squared))
 
 
-def watched(before: Watched, seen: Look) -> Watched:
+def watched(before: Watched, seen: Look, names: Agreement = NO_NAMES) -> Watched:
     """The counts with one more report."""
     lone = seen.lone if before.reports >= SETTLED else 0
     return Watched(
@@ -64,7 +72,14 @@ def watched(before: Watched, seen: Look) -> Watched:
         lone=KEPT * before.lone + lone,
         nis=KEPT * before.nis + seen.nis,
         dof=KEPT * before.dof + seen.dof,
+        named=KEPT * before.named + names.named,
+        astray=KEPT * before.astray + names.astray,
     )
+
+
+def names_are_believed(now: Watched) -> bool:
+    """Whether the names of a source say anything of who is who."""
+    return now.astray <= max(MOST_ASTRAY, WRONG * now.named)
 
 
 def flags(now: Watched, declared_false: float) -> list[str]:
@@ -83,4 +98,7 @@ def flags(now: Watched, declared_false: float) -> list[str]:
     lone = now.lone / max(now.weight, 1.0)
     if now.reports > 2 * SETTLED and lone > MOST_FALSE * declared_false + MORE_FALSE:
         found.append(f"far more false plots than the {declared_false:.3g} a report it declares")
+    if now.astray > MOST_ASTRAY:
+        used = "" if names_are_believed(now) else ": its names are not used"
+        found.append(f"names are told of two targets, or of one that is elsewhere{used}")
     return found

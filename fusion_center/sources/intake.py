@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from msgspec.structs import replace
 
 from schemas.messages import Closed, Input, Navigation, SourceInfo, SourceProperties, SourceReport
@@ -35,6 +37,22 @@ def take_part(state: State, closed: Closed) -> State:
         links[name] = replace(links[name], monitor=Monitor(), own_news=False, other_news=False)
     window = {k: t for k, t in state.window.items() if _carrier_of(k) not in closed.lost}
     return replace(state, carriers=carriers, links=links, window=window)
+
+
+def out_of_order(state: State, reports: Iterable[SourceReport]) -> list[SourceReport]:
+    """New reports that are stamped before one that their source has sent earlier."""
+    found, newest = [], dict[tuple[str, str], int]()
+    for report in sorted(reports, key=lambda report: report.seq):
+        carrier, key = state.carriers.get(report.carrier), (report.carrier, report.stream)
+        boot = timeline.ordinal(state.timeline, report.carrier, report.boot)
+        if carrier is not None and boot == carrier.boot:
+            known = carrier.logs.get(report.stream, NO_LOGS)
+            if report.seq > known.report_seq:
+                newest.setdefault(key, known.report_t_ns)
+        if report.t_ns < newest.get(key, report.t_ns):
+            found.append(report)
+        newest[key] = max(newest.get(key, report.t_ns), report.t_ns)
+    return found
 
 
 def absorb(state: State, message: Input, tally: Tally) -> State:

@@ -32,6 +32,7 @@ class Watched(Struct, frozen=True, kw_only=True):
         reports: all of them; weight: of those that are not forgotten.
         lone: plots of no track.
         nis: of plots and the tracks they are of; dof: its degrees of freedom.
+        named: plots with a name that a track bears; astray: of them, where that track is not.
     """
 
     reports: int = 0
@@ -39,6 +40,8 @@ class Watched(Struct, frozen=True, kw_only=True):
     lone: float = 0.0
     nis: float = 0.0
     dof: float = 0.0
+    named: float = 0.0
+    astray: float = 0.0
 
 
 class Drawn(Struct, frozen=True, kw_only=True, eq=False):

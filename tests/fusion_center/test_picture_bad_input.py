@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ STEPS, TARGETS = 40, 8
 Alter = Callable[[SourceReport, np.random.Generator], SourceReport]
 
 
+@cache
 def run(alter: Alter, steps: int = STEPS) -> tuple[State, list[pipeline.Outputs]]:
     """Two ships of which the own one's reports are altered."""
     scene, rng = two_ships(TARGETS), np.random.default_rng(1)
@@ -85,6 +87,34 @@ def jumping(report: SourceReport, rng: np.random.Generator) -> SourceReport:
     return replace(report, time_offset_s=jumps)
 
 
+def doubled(report: SourceReport, _: np.random.Generator) -> SourceReport:
+    """From step 20 on the name of one target is told of another, and its number too."""
+    if report.step < 20 or not report.identity or not report.track_id:
+        return report
+    return replace(
+        report,
+        identity=[None, report.identity[0], *report.identity[2:]],
+        track_id=[None, report.track_id[0], *report.track_id[2:]],
+    )
+
+
+def recycling(report: SourceReport, _: np.random.Generator) -> SourceReport:
+    """Numbers, and no names; at step 20 they are handed out anew."""
+    numbers = report.track_id or []
+    by = 1 if report.step >= 20 else 0
+    return replace(report, identity=None, track_id=[*numbers[by:], *numbers[:by]])
+
+
+def disordered(report: SourceReport, rng: np.random.Generator) -> SourceReport:
+    """Every stamp is up to 2.5 s before what it should be, the logs in it right all the same."""
+    back_s = float(rng.uniform(0.0, 2.5))
+    return replace(
+        report,
+        t_ns=report.t_ns - round(back_s * 1e9),
+        time_offset_s=[back_s] * len(report),
+    )
+
+
 def flags(outputs: list[pipeline.Outputs]) -> str:
     return of_radar(outputs[-1], "a").flag
 
@@ -116,8 +146,51 @@ def test_a_flood_of_false_plots_is_flagged_and_survived() -> None:
     assert of_radar(outputs[-1], "b").flag == ""
 
 
+def every_flag(outputs: list[pipeline.Outputs], carrier: str = "a") -> str:
+    """All that was ever said of a carrier's radar."""
+    return " ".join(of_radar(out, carrier).flag for out in outputs)
+
+
+def test_names_that_wander_from_target_to_target_are_told_and_no_longer_used() -> None:
+    _, outputs = run(renamed)
+    assert "names are told of two targets, or of one that is elsewhere" in flags(outputs)
+    assert "its names are not used" in flags(outputs)
+    assert shown(outputs[-1]).objects < 2 * TARGETS
+    error = np.array([t.position_m for t in shown(outputs[-1]).tracks])
+    assert len(error) == pytest.approx(TARGETS, abs=2)
+
+
+def test_one_name_of_two_targets_is_told_and_both_are_shown() -> None:
+    _, outputs = run(doubled)
+    assert "names are told of two targets" not in every_flag(outputs[:19])
+    assert "names are told of two targets" in flags(outputs)
+    assert "not used" not in flags(outputs)  # the others of its names are right
+    assert len(shown(outputs[-1]).tracks) == TARGETS
+
+
+def test_recycled_track_numbers_are_told() -> None:
+    _, outputs = run(recycling)
+    assert "stands for another target now" not in every_flag(outputs[:19])
+    assert "stands for another target now" in every_flag(outputs[19:22])
+    assert len(shown(outputs[-1]).tracks) == TARGETS
+
+
+def test_stamps_that_jump_within_the_window_are_told() -> None:
+    _, outputs = run(disordered)
+    assert "stamps jump" in every_flag(outputs)
+    assert "stamps jump" not in every_flag(outputs, "b")
+    assert len(shown(outputs[-1]).tracks) == TARGETS
+
+
+def test_logs_measured_minutes_from_their_report_are_told() -> None:
+    _, outputs = run(jumping)
+    assert "long before or after their report" in every_flag(outputs)
+
+
 @pytest.mark.parametrize(
-    "alter", [renamed, jumping, flooded, scaled(1e-9), scaled(1e9)], ids=lambda a: a.__name__
+    "alter",
+    [renamed, doubled, recycling, disordered, jumping, flooded, scaled(1e-9), scaled(1e9)],
+    ids=lambda a: a.__name__,
 )
 def test_whatever_comes_the_picture_goes_on_and_stays_small(alter: Alter) -> None:
     half, _ = run(alter, STEPS // 2)
