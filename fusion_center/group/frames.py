@@ -158,15 +158,19 @@ def _plain(prior: RelativeFramePrior) -> RelativeFramePrior:
 
 
 def _drift(pair: Pair) -> tuple[Array, float]:
-    """How fast the other one moves beyond what both reckon, in own axes, and the sigma of that."""
+    """How fast the other one moves beyond what both reckon, in own axes, and the sigma of that.
+
+    Over ground they move along the turned axes, of which own axes are turned by the own north; what
+    both reckon moves their reported places as it is.
+    """
     joint, turn = pair.joint, rotation_clockwise(-pair.joint.mean[pair.own + HEADING])
-    drift = np.zeros(2)
+    over_ground, reckoned = np.zeros(2), np.zeros(2)
     sides = ((pair.own, pair.own_at, -1.0), (pair.other, pair.other_at, 1.0))
     for name, (_, at, sign) in zip(joint.names[1:], sides, strict=True):
-        reckoned = at.velocity_mps
-        drift += sign * (velocity_mps(joint, name, reckoned) - reckoned)
+        over_ground += sign * velocity_mps(joint, name, at.velocity_mps)
+        reckoned += sign * at.velocity_mps
     unsure = sum(np.trace(joint.of(range(f + CURRENT.start, f + CURRENT.stop))) for f, *_ in sides)
-    return turn @ drift, float(np.sqrt(unsure))
+    return turn @ over_ground - reckoned, float(np.sqrt(unsure))
 
 
 class Lateness(NamedTuple):

@@ -13,6 +13,8 @@ from bench.in_process import Played, played
 from bench.navigation.live import Errors, errors
 from crossfix.tracking_errors import picture_errors
 from fusion_center import pipeline
+from fusion_center.group import frames
+from fusion_center.relative_frames.links import navigated
 from fusion_center.settings import settings_from
 from fusion_center.state import State, pack, unpack
 from schemas import codec
@@ -78,6 +80,25 @@ def test_what_is_told_passes_the_wire_and_says_what_it_rests_on(whole: Played) -
         assert abs(late - (clock[name] - clock["one"])) < 4 * sigma < 0.2
         assert np.hypot(*carriers[name].current_mps) < 4 * 0.5
     assert pack(unpack(pack(whole.state))) == pack(whole.state)
+
+
+@pytest.mark.parametrize("carrier", ["two", "three"])
+def test_the_drift_is_how_a_frame_moves_beyond_what_both_reckon(
+    whole: Played, carrier: str
+) -> None:
+    """Told with a frame, so that it can be carried on; here from the frames a second apart."""
+    told, state = whole.corrections[carrier].own_axes, whole.state
+    assert told is not None
+    beyond = []
+    for after_s in (1, 2):
+        t_ns = whole.closed.t_ns + after_s * 10**9
+        there = frames.frame(state, carrier, t_ns)
+        assert there is not None
+        reported = navigated(state, carrier, t_ns)[0].own_from_other.translation_m[:2]
+        beyond.append(there.q_m - reported)
+    moved = beyond[1] - beyond[0]
+    assert moved == pytest.approx([told.drift_east_mps, told.drift_north_mps], abs=0.1)
+    assert np.hypot(*moved) > 0.3
 
 
 def test_clocks_are_taken_out_of_the_logs_of_the_picture() -> None:
