@@ -60,7 +60,10 @@ class Corrections:
 
 
 def applied(
-    correction: Correction | None, navigation: Navigation, since_ns: int
+    correction: Correction | None,
+    navigation: Navigation,
+    since_ns: int,
+    reckoning_m2_s: float = 0.0,
 ) -> Corrected | None:
     """A correction put to the pose of a moment; None if there is none to be applied.
 
@@ -68,6 +71,7 @@ def applied(
         navigation: of now, without any correction.
         since_ns: since when the carrier errs as it does now: the start of its life, or a fix. What
             was found of before holds no longer.
+        reckoning_m2_s: variance per axis that the noise of its readings gives its way in a second.
     """
     if correction is None or correction.state != "applied" or correction.feedback is None:
         return None
@@ -78,7 +82,9 @@ def applied(
     if abs(pose.latitude_rad) > pi / 2:
         return None
     grown = 1.0 + (passed_s / correction.valid_for_s) ** 2 if correction.valid_for_s else 1.0
-    pose = replace(pose, covariance=_spread(correction.feedback.covariance, grown))
+    astray_m2 = reckoning_m2_s * abs(passed_s)
+    covariance = _spread(correction.feedback.covariance, grown, astray_m2)
+    pose = replace(pose, covariance=covariance)
     return Corrected(correction.id, pose, correction.feedback.north_rad)
 
 
@@ -94,8 +100,8 @@ def _moved(pose: Pose, feedback: Feedback, passed_s: float) -> Pose:
     )
 
 
-def _spread(covariance: list[float], grown: float) -> list[float]:
-    """The covariance of (east, north, own north) with the variance of the place grown."""
+def _spread(covariance: list[float], grown: float, astray_m2: float) -> list[float]:
+    """The covariance of (east, north, own north) with that of the place grown, and added to."""
     ee, en, ea, nn, na, aa = covariance
     root = grown**0.5
-    return [ee * grown, en * grown, ea * root, nn * grown, na * root, aa]
+    return [ee * grown + astray_m2, en * grown, ea * root, nn * grown + astray_m2, na * root, aa]
