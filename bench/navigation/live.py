@@ -28,8 +28,10 @@ from estimation.joint_navigation.online import (
 )
 from estimation.joint_navigation.online_rows import Range, Surroundings, range_rows
 from fusion_center.group.joining import joint_of
-from schemas.messages import TruthCarriers
+from fusion_center.navigation import symmetric
+from schemas.messages import Alignment, TruthCarriers
 from sim_world.scenario import Scenario, load_scenario, with_overrides
+from sim_world.scenario.declared import beacon_place_m
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 FLEET = 50
@@ -128,6 +130,7 @@ def figures(seed: int, runs: int) -> Iterator[Figure]:
     """What is demanded of the system, measured in it."""
     yield from _group(seed, max(runs // 8, 4))
     yield from _formation(seed, max(runs // 8, 4))
+    yield from _beacons(seed, max(runs // 12, 4))
     yield from _fleet(seed)
 
 
@@ -172,6 +175,24 @@ def _nees_of_places(found: Errors) -> float:
     """Of all places together, by dimension."""
     count = found.place_m.size
     return float(nees(found.place_m.ravel(), found.covariance[:count, :count])) / count
+
+
+def _beacons(seed: int, runs: int) -> Iterator[Figure]:
+    """One carrier and two beacons that are known to 50 m."""
+    scenario, apart, normalised = load_scenario(SCENARIOS / "beacons.toml"), [], []
+    for i in range(runs):
+        drawn = with_overrides(scenario, {"seed": seed + i})
+        *_, last = played(drawn)
+        true = {b.name: beacon_place_m(drawn.file, b) for b in drawn.file.beacons}
+        for found in (out.message for out in last.outputs if isinstance(out.message, Alignment)):
+            for beacon in found.beacons:
+                error = np.subtract(beacon.position_m, true[beacon.beacon])
+                apart.append(error)
+                normalised.append(float(nees(error, symmetric(beacon.covariance, 3))) / 3)
+    errors_m = np.array(apart)
+    yield told("beacons, live: RMSE xy", float(rms(errors_m[:, :2])), "m")
+    yield told("beacons, live: RMSE z", float(rms(errors_m[:, 2])), "m")
+    yield between("beacons, live: NEES by dimension", float(np.mean(normalised)), 0.6, 1.4)
 
 
 def _fleet(seed: int) -> Iterator[Figure]:

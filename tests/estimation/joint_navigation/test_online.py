@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from bench.navigation.together import CARRIERS, Truth, scene
+from bench.navigation.online import online, solved, truth_of
+from bench.navigation.together import scene
 from estimation.arrays import Array
 from estimation.consistency import nees
 from estimation.frames import rotation_clockwise
-from estimation.joint_navigation import HEADING as HEADING_CONSTANT
-from estimation.joint_navigation import LOG_TIME as LOG_TIME_CONSTANT
-from estimation.joint_navigation import Group, constant, solve
-from estimation.joint_navigation.filtered import carrier_block, filtered, pivot_of, source_block
 from estimation.joint_navigation.members import (
     CarrierStart,
     Sighting,
@@ -83,48 +79,16 @@ def ranges_of() -> list[Range]:
     ]
 
 
-class Ends(NamedTuple):
-    """Places, headings but the own one, log times at the end, and their covariance."""
-
-    value: Array
-    covariance: Array
-
-
-def ends(joint: Joint, group: Group) -> Ends:
-    first = [joint.first(carrier_block(c)) for c in range(group.carriers)]
-    slots = [at + axis for at in first for axis in (0, 1)] + [at + HEADING for at in first[1:]]
-    slots += [joint.first(source_block(c)) + LOG_TIME for c in range(group.carriers)]
-    value = joint.mean[slots]
-    value[: 2 * group.carriers] += np.tile(pivot_of(group)[:2], group.carriers)
-    return Ends(value, joint.of(slots))
-
-
-def solved(group: Group) -> Ends:
-    found = solve(group)
-    which = [constant(c, HEADING_CONSTANT) for c in range(1, CARRIERS)]
-    which += [constant(c, LOG_TIME_CONSTANT) for c in range(CARRIERS)]
-    constants = found.constants.ravel()[which]
-    covariance = np.diag(
-        np.concatenate([np.diag(found.end_covariance), np.diag(found.covariance)[which]])
-    )
-    return Ends(np.concatenate([found.carriers_m[-1].ravel(), constants]), covariance)
-
-
-def truth_of(truth: Truth) -> Array:
-    return np.concatenate([truth.places_m[-1].ravel(), truth.heading_rad[1:], truth.log_time_s])
-
-
 @pytest.mark.parametrize("seed", [1, 2])
 def test_it_ends_where_the_solution_over_the_whole_history_ends(seed: int) -> None:
     """Within half a sigma, and it claims the same: what is lost by linearising once."""
     group, truth = scene(np.random.default_rng([seed, 40]))
-    *_, last = filtered(group)
-    online, whole = ends(last, group), solved(group)
+    mine, whole = online(group), solved(group)
     sigma = np.sqrt(np.diag(whole.covariance))
-    assert np.all(np.abs(online.value - whole.value) < 0.5 * sigma)
-    assert np.sqrt(np.diag(online.covariance)) == pytest.approx(sigma, rel=0.03)
-    error = online.value - truth_of(truth)
-    assert nees(error, online.covariance) < 33  # chi2 of 11, one in two thousand
+    assert np.all(np.abs(mine.value - whole.value) < 0.5 * sigma)
+    assert np.sqrt(np.diag(mine.covariance)) == pytest.approx(sigma, rel=0.03)
+    error = mine.value - truth_of(truth)
+    assert nees(error, mine.covariance) < 33  # chi2 of 11, one in two thousand
 
 
 def all_at_once(joint: Joint) -> Improved:
