@@ -72,11 +72,12 @@ class Scene(NamedTuple):
 
 
 class Size(NamedTuple):
-    """How large a drawn scene is."""
+    """How large a drawn scene is, and how blunt its bearings are."""
 
     targets: int
     box_m: float = 100_000.0
     scans: int = CARRIERS * _SCANS_EACH
+    sigma_bearing_rad: float = 0.0026
 
 
 def read(path: Path) -> Scene:
@@ -100,7 +101,7 @@ def read(path: Path) -> Scene:
 
 def drawn(rng: np.random.Generator, size: Size) -> Scene:
     """A scene of the statistics of the files: the same sensors, motions and share of clutter."""
-    sensors = Sensors(0.9, 30.0, 0.0026, size.targets / 10, size.box_m)
+    sensors = Sensors(0.9, 30.0, size.sigma_bearing_rad, size.targets / 10, size.box_m)
     index = np.arange(size.scans)
     t_s = np.asarray(index * (_PERIOD_S / CARRIERS), dtype=float)
     carrier = index % CARRIERS

@@ -22,6 +22,7 @@ from estimation.tracking.imm import Bank
 from estimation.tracking.marginals import Candidates, Marginals
 from estimation.tracking.pairing import Paired, Sums, folded, paired
 from estimation.tracking.scan import Scan
+from estimation.tracking.tearing import torn
 
 PairTerm = Callable[[Indices, Indices], Array]
 _SUREST = 1e12  # times likelier than not: more is not believed of any pair
@@ -50,6 +51,12 @@ class Tracks(NamedTuple):
         classes = np.take(self.classes, which, axis=-1)
         bank, known = self.bank.take(which), self.features.take(which)
         return Tracks(self.identity[which], self.existence[which], bank, classes, known)
+
+    def put(self, which: Indices, others: Tracks) -> Tracks:
+        """The tracks with others in the rows `which`."""
+        order = np.arange(len(self.identity))
+        order[which] = len(order) + np.arange(len(which))
+        return joined(self, others).take(order) if which.size else self
 
 
 class Pairs(NamedTuple):
@@ -148,12 +155,15 @@ def updated(
     marginals: Marginals,
     detection: Array,
     said: Said | None = None,
-) -> Tracks:
-    """Each track after the scan, its hypotheses folded into one by their moments.
+) -> tuple[Tracks, Tracks]:
+    """Each track after the scan, its hypotheses folded into one by their moments, or torn.
 
     Args:
         detection: (n,) probability that each, if it exists, gives a plot.
         said: what the plots say of features.
+
+    Returns:
+        The tracks, and what is left of those that are torn; these are yet to be named.
     """
     missed = tracks.existence * (1.0 - detection) / (1.0 - tracks.existence * detection)
     missed = missed * marginals.track_alone
@@ -164,7 +174,26 @@ def updated(
     bank = _folded(tracks.bank, pairs, share)
     classes = tracks.classes * stay + sums.of(pairs.classes * share)
     known = tracks.features if said is None else _told(tracks, pairs, share, said)
-    return Tracks(tracks.identity, np.minimum(existence, 1.0), bank, classes, known)
+    folds = Tracks(tracks.identity, np.minimum(existence, 1.0), bank, classes, known)
+    return _torn(tracks, folds, pairs, share, said)
+
+
+def _torn(
+    tracks: Tracks, folds: Tracks, pairs: Pairs, share: Array, said: Said | None
+) -> tuple[Tracks, Tracks]:
+    """The tracks, those that are torn as their leading pair has them; and what is left of those."""
+    apart = torn(tracks.bank, folds.bank, pairs.ends, share, pairs.model)
+    row, part = pairs.track[apart.pair], share[apart.pair]
+    whole, classes = folds.take(row), pairs.classes[:, apart.pair]
+    left = np.maximum(whole.classes - classes * part, 0.0)
+    rest = whole._replace(
+        existence=whole.existence * (1.0 - part), bank=apart.rest, classes=left / left.sum(axis=0)
+    )
+    known = whole.features
+    if said is not None:
+        known = features.after(tracks.features, said, row, pairs.plot[apart.pair])
+    lead = Tracks(whole.identity, whole.existence * part, apart.lead, classes, known)
+    return folds.put(row, lead), rest
 
 
 def _told(tracks: Tracks, pairs: Pairs, share: Array, said: Said) -> Features:

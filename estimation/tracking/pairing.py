@@ -82,6 +82,15 @@ def folded(bank: Bank, pairs: Paired, share: Array) -> Bank:
     return bank._replace(mean=mean, covariance=covariance, shared=shared)
 
 
+def believed(bank: Bank, pairs: Paired, model: Array) -> Bank:
+    """The track of each pair if that pair is right; the models (models, k) are then these."""
+    weight, inverse = pairs.innovations.weights()
+    state, before = pairs.innovations.state, bank.take(pairs.track)
+    shift, less = moved(np.take(pairs.told.push, state, axis=-1), weight, inverse)
+    shared = before.shared - _learnt(pairs.told, state, inverse)
+    return Bank(before.mean + shift, before.covariance - less, model, shared)
+
+
 def _by_track(track: Indices) -> list[Indices]:
     """Rows of pairs in batches that part no track."""
     begins = np.flatnonzero(np.diff(track, prepend=-1))
@@ -111,7 +120,7 @@ def _moves(pairs: Paired, share: Array, tracks: slice) -> tuple[Array, Array, Ar
     return by_track.of(shift), by_track.of(change), by_track.of(less)
 
 
-def _learnt(told: Foretold, states: slice, inverse: Array) -> Array:
+def _learnt(told: Foretold, states: slice | Indices, inverse: Array) -> Array:
     """Decrease (4, errors, models, n) of the covariance with errors of frames."""
     across = np.einsum("rsmn,semn->remn", inverse, told.push_shared[..., states])
     return np.asarray(np.einsum("ramn,remn->aemn", told.push[..., states], across))

@@ -28,6 +28,7 @@ from estimation.tracking.scan import Scan
 from estimation.tracking.undetected import Region, Undetected
 
 _SUREST = 0.999  # no sensor sees more surely: a miss must not be impossible
+_FAINT = 0.1  # existence below which what is left of a torn track is none
 _MISSED = 0.5  # probability from which a track is said to have had no plot
 
 
@@ -137,17 +138,20 @@ def step(
     detection = np.where(scan.view.holds(place[:2]), min(scan.detection, _SUREST), 0.0)
     candidates = bernoulli.candidates(now.tracks, pairs, detection, lone.density)
     marginals = settings.associate(candidates)
-    old = bernoulli.updated(now.tracks, pairs, marginals, detection, scan.features)
+    old, rest = bernoulli.updated(now.tracks, pairs, marginals, detection, scan.features)
     new, begun = _named(lone.tracks, marginals.plot_alone, now.begun, settings.pruned)
     errors = now.tracks.bank.shared.shape[1]
     new = new._replace(bank=frame_errors.begun(new.bank, scan.common, errors))
     lost = undetected.vague(settings.region, spread[:2, :2]) & (marginals.track_alone > _MISSED)
     kept = old.take(np.flatnonzero((old.existence >= settings.pruned) & ~lost))
+    hidden = undetected.returned(lone.undetected, place[:2, lost], old.existence[lost])
+    first = now.begun + len(new.identity)
+    torn, hidden = _kept(rest, first, hidden)
     after = Picture(
         scan.t_ns,
-        bernoulli.joined(kept, new),
-        undetected.returned(lone.undetected, place[:2, lost], old.existence[lost]),
-        now.begun + len(new.identity),
+        bernoulli.joined(bernoulli.joined(kept, new), torn),
+        hidden,
+        first + len(torn.identity),
         now.frames,
     )
     return after, _association(now.tracks, pairs, marginals, begun)
@@ -209,6 +213,15 @@ def _named(lone: Tracks, chance: Array, first: int, pruned: float) -> tuple[Trac
     begun[kept] = first + np.arange(len(kept))
     new = lone._replace(existence=existence).take(kept)
     return new._replace(identity=begun[kept]), begun
+
+
+def _kept(rest: Tracks, first: int, hidden: Undetected) -> tuple[Tracks, Undetected]:
+    """What is left of torn tracks, named; if it hardly exists it goes back to the undetected."""
+    place, _ = imm.combined(rest.bank)
+    faint = rest.existence < _FAINT
+    hidden = undetected.returned(hidden, place[:2, faint], rest.existence[faint])
+    kept = rest.take(np.flatnonzero(~faint))
+    return kept._replace(identity=first + np.arange(len(kept.identity))), hidden
 
 
 def _association(tracks: Tracks, pairs: Pairs, marginals: Marginals, begun: Indices) -> Association:
