@@ -10,7 +10,7 @@ from estimation.arrays import Array
 
 from .noise import normal
 from .scenario.features import FeatureReports, WordReports
-from .scenario.file import Sensor
+from .scenario.file import ClassReports, Sensor
 from .scene import Targets
 
 Draws = Mapping[str, Array]
@@ -58,12 +58,16 @@ def _told(word: WordReports, true: np.ndarray, draws: Draws) -> np.ndarray:
     names, has = word.categories, true != ""
     index = np.array([names.index(name) if name else 0 for name in true], dtype=int)
     u, v = draws[f"word {word.name}"].T
-    accuracy = word.accuracy if word.errors.accuracy is None else word.errors.accuracy
     other = (index + 1 + np.floor(v * (len(names) - 1)).astype(int)) % len(names)
-    told = np.array(names, dtype=object)[np.where(u < accuracy, index, other)]
+    told = np.array(names, dtype=object)[np.where(u < actual_accuracy(word), index, other)]
     fate = draws.get(f"fate {word.name}")
     told[~has if fate is None else ~has | (fate[:, 0] >= word.share)] = None
     return told
+
+
+def actual_accuracy(word: WordReports | ClassReports) -> float:
+    """Share of the words that are right, whatever is declared."""
+    return word.accuracy if word.errors.accuracy is None else word.errors.accuracy
 
 
 def of_nobody(feature: FeatureReports, rng: np.random.Generator, count: int) -> Array:

@@ -11,7 +11,7 @@ from estimation.arrays import Array
 from estimation.frames import wrap_pi
 from schemas.messages import FeatureInfo
 
-from .features import any_word, numbers, of_nobody, purposes, words
+from .features import actual_accuracy, any_word, numbers, of_nobody, purposes, words
 from .logs import Logs
 from .noise import TargetDraws, generator, normal
 from .scenario.declared import CLASS_FEATURE, plot_properties, properties
@@ -176,7 +176,7 @@ class Sensor:
         true = np.array([names.index(c) if c else 0 for c in targets.classes], dtype=int)
         u, v = draws.class_told.T
         other = (true + 1 + np.floor(v * (len(names) - 1)).astype(int)) % len(names)
-        told = np.where(u < self.table.classes.accuracy, true, other)
+        told = np.where(u < actual_accuracy(self.table.classes), true, other)
         return _where(targets.classes != "", np.array(names, dtype=object)[told])
 
     def _class_info(self) -> FeatureInfo:

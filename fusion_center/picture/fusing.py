@@ -23,12 +23,12 @@ from schemas.messages import Input, SourceProperties, SourceReport, Track
 
 from ..navigation import NS, upper_triangle
 from ..quality import Tally
-from ..sources.features import NOTHING_LEARNED, layout
-from ..state import Learned, Notes, State, Watched
+from ..sources.features import CLASS, NOTHING_LEARNED, layout, reports
+from ..state import Learned, Notes, State, Watched, Word
 from ..timeline import Instant
 from . import learning, names
 from .axes import placed
-from .classes import classes_of
+from .classes import classes_of, named_classes
 from .scans import Plots, plots, told_key
 from .watch import Look, flags, look, names_are_believed, watched
 
@@ -107,12 +107,19 @@ def _learned(
         met: the picture before, and what its tracks had to do with the report.
     """
     settings, key = state.settings.features, told_key(state, report)
-    if seen.heard is None or not settings.learn:
-        return {}
     source = state.sources(report.carrier).get(report.stream, SourceProperties())
-    before = state.picture.learned.get(key, NOTHING_LEARNED)
+    classes, told = classes_of(state.scenario), source.features.get(CLASS)
+    named = named_classes(report, seen.log, classes, told)
+    if not (settings.enabled and settings.learn) or (seen.heard is None and named is None):
+        return {}
+    now = state.picture.learned.get(key, NOTHING_LEARNED)
     known, most = state.picture.dictionary, settings.most_pairs
-    now = learning.taught(before, met[0], seen.heard, met[1], known, source, most)
+    if named is not None and told is not None and seen.scan.evidence is not None:
+        so_far = reports(now, Word(CLASS, classes), told)
+        evidence = seen.scan.evidence
+        now = learning.taught_classes(now, met[0], evidence, named, met[1], so_far, most)
+    if seen.heard is not None:
+        now = learning.taught(now, met[0], seen.heard, met[1], known, source, most)
     found = learning.quality(now, source)
     tally.learned(report, found, learning.flags(found))
     return {key: now}

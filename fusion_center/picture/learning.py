@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from estimation.arrays import Array, Indices
 from estimation.feature_learning import (
@@ -24,7 +25,7 @@ from estimation.tracking.features import Features, number_ratios, right, word_ra
 from estimation.tracking.tracker import Association, Picture
 from schemas.messages import FeatureInfo, FeatureQuality, SourceProperties
 
-from ..sources.features import Heard, dictionary, fitted, is_number, is_word, reports, rows
+from ..sources.features import CLASS, Heard, dictionary, fitted, is_number, is_word, reports, rows
 from ..state import Dictionary, Learned, Reports, Scale, State, Word
 
 SURE = 0.9
@@ -38,6 +39,7 @@ FACTOR = 1.5
 SHARE = 0.1
 """By which the share of right words may be."""
 MOST_SCALE = 1e12
+MOST_SURE = 1.0 - 1e-12
 
 
 def with_dictionary(state: State) -> State:
@@ -69,7 +71,7 @@ def taught(
         done: which of its plots were taken for which tracks.
         most: pairs remembered.
     """
-    track = np.searchsorted(before.tracks.identity, done.identity)
+    track = _rows(before, done)
     pairs = _Pairs(before.tracks.features, heard, track, done.plot, done.probability)
     numbers, words = dict(learned.numbers), dict(learned.words)
     for row, name in enumerate(known.numbers):
@@ -81,9 +83,50 @@ def taught(
             sure = pairs.sure(word_ratios(*pairs.ends)[row])
             truth = pairs.known.shares[block, pairs.track[sure]].T
             count = taught_reports(so_far.count, truth, heard.words[row, pairs.plot[sure]])
-            kept = np.minimum(1.0, most / count.sum(axis=1, keepdims=True))
-            words[word.name] = replace(so_far, count=kept * count)
+            words[word.name] = _bounded(so_far, count, most)
     return Learned(numbers=numbers, words=words)
+
+
+def taught_classes(
+    learned: Learned,
+    before: Picture,
+    evidence: Array,
+    named: NDArray[np.intp],
+    done: Association,
+    so_far: Reports,
+    most: float,
+) -> Learned:
+    """What is known of a source after one more report of classes.
+
+    Args:
+        evidence: (classes, m) as the tracker had it.
+        named: (m,) class that each plot names, among the source's own; -1 = none.
+        so_far: its reports.
+    """
+    track = _rows(before, done)
+    joint = before.tracks.classes[:, track] * evidence[:, done.plot]
+    sure = _sure(np.clip(done.probability, 0.0, MOST_SURE), joint.sum(axis=0))
+    truth = before.tracks.classes[:, track[sure]].T
+    count = taught_reports(so_far.count, truth, named[done.plot[sure]])
+    return replace(learned, words={**learned.words, CLASS: _bounded(so_far, count, most)})
+
+
+def _rows(before: Picture, done: Association) -> Indices:
+    """Rows of the tracks of all pairs."""
+    order = np.argsort(before.tracks.identity, kind="stable")
+    at = np.searchsorted(before.tracks.identity, done.identity, sorter=order)
+    return np.asarray(order[at], dtype=np.intp)
+
+
+def _bounded(so_far: Reports, count: Array, most: float) -> Reports:
+    kept = np.minimum(1.0, most / count.sum(axis=1, keepdims=True))
+    return replace(so_far, count=kept * count)
+
+
+def _sure(probability: Array, ratio: Array) -> Indices:
+    """Pairs that are sure but for one feature, whose likelihood ratio (k,) is given."""
+    p = probability
+    return np.flatnonzero(p > SURE * (p + (1.0 - p) * np.maximum(ratio, 1e-300)))
 
 
 class _Pairs:
@@ -94,12 +137,11 @@ class _Pairs:
     ) -> None:
         self.known, self.said, self.track, self.plot = known, heard.said, track, plot
         self.ends = known, heard.said, track, plot
-        self.probability = np.clip(probability, 0.0, 1.0 - 1e-12)
+        self.probability = np.clip(probability, 0.0, MOST_SURE)
 
     def sure(self, ratio: Array) -> Indices:
         """Those that are sure but for one feature, whose likelihood ratio (k,) is given."""
-        p = self.probability
-        return np.flatnonzero(p > SURE * (p + (1.0 - p) * np.maximum(ratio, 1e-300)))
+        return _sure(self.probability, ratio)
 
 
 def _scale(so_far: Scale | None, pairs: _Pairs, row: int, most: float) -> Scale:

@@ -69,8 +69,9 @@ def plots(state: State, report: SourceReport, axes: Placed) -> Plots | None:
     common = axes.common(f"{report.carrier}/{state.carriers[report.carrier].boot}")
     scan = Scan(report.t_ns, measured, view, detection, false / extent, common)
     classes, told = classes_of(state.scenario), properties.features.get(CLASS)
-    told_of = evidence(report, index, classes, told, state.settings.picture.class_trust)
     learned = state.picture.learned.get(told_key(state, report), NOTHING_LEARNED)
+    trust = state.settings.picture.class_trust
+    told_of = evidence(report, index, classes, told, trust, learned)
     by_features = heard(report, index, properties, state.picture.dictionary, learned)
     scan = scan._replace(evidence=told_of, features=by_features and by_features.said)
     return Plots(scan, index, memory, by_features)

@@ -72,8 +72,8 @@ def is_number(info: FeatureInfo) -> bool:
 
 
 def is_word(info: FeatureInfo) -> bool:
-    """Whether a feature is one of two or more words."""
-    return len(set(info.categories)) > 1
+    """Whether a feature is one of some words, two or more."""
+    return len(set(info.categories)) > 1 and len(info.categories) <= MOST_CATEGORIES
 
 
 def layout(known: Dictionary) -> Layout:

@@ -18,7 +18,7 @@ from msgspec import Meta, field
 
 from schemas.messages.values import Id, Metres, Real, Share, Text
 
-from .features import FeatureReports, WordReports
+from .features import FeatureReports, WordErrors, WordReports
 from .motions import AnyMotion, Instant, PathMotion, TrackFile
 from .ranging import Beacon, Ranging
 from .table import Degrees, Interval, NonNegative, Positive, Table
@@ -133,6 +133,7 @@ class ClassReports(Table, frozen=True, kw_only=True):
     """A sensor that tells classes: the right one with `accuracy`, else any other."""
 
     accuracy: Share
+    errors: WordErrors = WordErrors()
 
 
 class Tracking(Table, frozen=True, kw_only=True):

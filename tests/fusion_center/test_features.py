@@ -128,11 +128,17 @@ def test_the_dictionary_is_that_of_all_sources() -> None:
 
 def test_the_dictionary_is_bounded() -> None:
     many = {f"f{k:03}": LENGTH for k in range(100)}
-    words = [f"w{k}" for k in range(1000)]
-    wordy = FeatureInfo(kind="behavioural", categories=words)
-    known = dictionary(state_of(SourceProperties(features={**many, "word": wordy})))
+    words = [
+        FeatureInfo(kind="behavioural", categories=[f"{a}{k}" for k in range(60)]) for a in "ab"
+    ]
+    endless = FeatureInfo(kind="behavioural", categories=[f"w{k}" for k in range(1000)])
+    more = {**many, "word": words[0], "endless": endless}
+    known = dictionary(
+        state_of(SourceProperties(features=more), SourceProperties(features={"word": words[1]}))
+    )
     assert len(known.numbers) == MOST
-    assert len(known.words[0].categories) < 100
+    assert [word.name for word in known.words] == ["word"]
+    assert len(known.words[0].categories) == 64
     assert dictionary(state_of()) == Dictionary()
 
 

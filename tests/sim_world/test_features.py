@@ -100,6 +100,20 @@ def test_a_target_without_a_word_is_not_told() -> None:
     assert dict(zip(logs.identity, logs.words["emitter"], strict=True)) == {"ada": "x", "bob": None}
 
 
+def test_classes_are_right_as_often_as_the_truth_says() -> None:
+    classes = [CLASSES[0], {"name": "yacht", "features": {"length_m": [15.0, 2.0]}}]
+    made = scene(
+        radar={"classes": {"accuracy": 0.9, "errors": {"accuracy": 0.6}}},
+        classes=classes,
+        targets=[],
+        target_groups=[GROUP],
+    )
+    told = made.observe().classes
+    assert told is not None
+    assert np.mean(told == "cargo") == pytest.approx(0.6, abs=0.03)
+    assert made.sensor.declared.features["class"].confusion[0] == pytest.approx([0.9, 0.1])
+
+
 def test_features_move_no_other_noise() -> None:
     plain = seen().observe()
     rich = seen([LENGTH | {"share": 0.5}], [EMITTER]).observe()

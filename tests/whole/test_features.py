@@ -7,13 +7,13 @@ import random
 import pytest
 from msgspec.structs import replace
 
-from bench.in_process import Played
+from bench.in_process import Played, played
 from bench.joint_fusion.picture import SCENARIO, WAYS, judged, nameless, run
 from fusion_center import pipeline
 from fusion_center.settings import settings_from
 from fusion_center.state import State, pack, unpack
 from schemas.messages import Closed, Input, Quality, SourceQuality, StreamEnd
-from sim_world.scenario import load_scenario
+from sim_world.scenario import load_scenario, with_overrides
 
 STEPS = 60
 
@@ -45,6 +45,17 @@ def test_what_is_learnt_survives_packing(company: list[Played]) -> None:
     state = company[-1].state
     assert state.picture.learned
     assert pack(unpack(pack(state))) == pack(state)
+
+
+def test_a_source_that_is_less_often_right_of_classes_is_named() -> None:
+    strait = load_scenario(SCENARIO.with_name("strait.toml"))
+    key = "carriers.levante.sensors.radar.classes.errors"
+    liar = list(played(with_overrides(strait, {key: {"accuracy": 0.4}}), steps=35))
+    levante = sources(liar)["levante"]
+    assert levante.features["class"].declared_right == pytest.approx(0.85)
+    assert levante.features["class"].learned_right < 0.6
+    assert "class is right" in levante.flag
+    assert "class" not in sources(liar)["siroco"].flag
 
 
 def in_parts(steps: list[Played], seed: int) -> list[tuple[Closed, list[Input]]]:
