@@ -130,6 +130,7 @@ def _estimate(state: State, carrier: str, t_ns: int, misclosure: Misclosure) -> 
     if pair is None or state.group is None:
         return None
     found = _frame(pair, state.group)
+    misclosure = misclosure._replace(pairs=len(state.group.targets))
     between, prior = navigated(state, carrier, t_ns)
     prior = _plain(prior)
     made = corrections.estimated(

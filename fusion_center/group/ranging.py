@@ -88,7 +88,7 @@ def _misclosure(member: str, ranges: Sequence[Range], taken: Improved) -> Misclo
     """Of the ranges that a member takes part in."""
     which = [i for i, r in enumerate(ranges) if member in (r.carrier, r.peer, r.reference)]
     chi2, dof = taken.misclosure(which)
-    return Misclosure(dof, chi2, dof)
+    return Misclosure(0, chi2, dof)
 
 
 def _surroundings(state: State, group: Group, there: dict[str, Whereabouts]) -> Surroundings:

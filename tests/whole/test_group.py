@@ -64,6 +64,7 @@ def test_the_scenario_of_the_one_system_is_solved_by_the_pipeline(whole: Played)
         correction = whole.corrections[carrier]
         assert (correction.state, correction.method) == ("applied", "group")
         assert [term.name for term in correction.terms] == ["time_s"]
+        assert correction.pairs == 6
         assert all(direction.status == "determined" for direction in correction.directions)
 
 
@@ -193,6 +194,35 @@ def test_ranges_by_a_detour_are_not_believed(seed: int) -> None:
     assert found.nees < 4
     assert np.abs(found.relative_m).max() < 40
     assert np.degrees(np.abs(found.heading_rad)).max() < 0.4
+
+
+TURNS_DEG_S = (-2.0, 1.5, 3.0, -1.0, 0.5, 2.5)
+TURNING = {
+    f"targets.target-{i}.motion": {
+        "kind": "coordinated_turn",
+        "east_m": 2000 * i - 8000,
+        "north_m": 9000 - 3000 * i,
+        "course_deg": 60 * i,
+        "speed_mps": 150,
+        "turn_rate_deg_s": rate,
+    }
+    for i, rate in enumerate(TURNS_DEG_S, 1)
+}
+NAMELESS = {f"carriers.{n}.sensors.radar.identity_share": 0 for n in ("one", "two", "three")}
+FEEDBACK = {"carriers.two.use_corrections": True}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("trouble", [TURNING, NAMELESS, FEEDBACK])
+def test_turning_and_nameless_targets_and_corrections_in_use_are_coped_with(
+    trouble: dict[str, Any],
+) -> None:
+    """Logs without names come in by the tracks of the picture; what is applied is taken out."""
+    last = run(with_seed(11, **trouble), 150)
+    assert is_honest(errors(last))
+    assert {c.state for c in last.corrections.values()} == {"applied"}
+    assert last.state.group is not None
+    assert all(member.logs > 120 for member in last.state.group.members.values())
 
 
 def test_without_beacons_the_own_carrier_is_the_gauge() -> None:
