@@ -87,7 +87,14 @@ def numbers(outputs: list[pipeline.Outputs]) -> list[float]:
     return [leaf for leaf in all_of(outputs) if isinstance(leaf, float)]
 
 
-@pytest.mark.parametrize("make", [lively, nameless, lambda: two_ships(fusion=CLOSED_FORM)])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lively,
+        pytest.param(nameless, marks=pytest.mark.slow),
+        lambda: two_ships(fusion=CLOSED_FORM),
+    ],
+)
 def test_feedback_changes_no_estimate(make: Callable[[], Scene]) -> None:
     """Every number of every output, with feedback and without; places to a micrometre."""
     plain, _ = run(make(), with_feedback=False)

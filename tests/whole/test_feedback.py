@@ -172,6 +172,7 @@ def test_once_applied_logs_are_drawn_where_the_correction_puts_them(fed: Path) -
     assert np.hypot(*wrong.T).min() > 100.0
 
 
+@pytest.mark.slow
 def test_a_suspended_correction_is_dropped_again(feeding: Scenario, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
 
