@@ -206,7 +206,9 @@ class _Calls(NamedTuple):
 def _calls(state: State, report: SourceReport, seen: Plots, before: Picture) -> _Calls:
     """What the plots of a report are called, and the tracks before it."""
     count = state.picture.watched.get(told_key(state, report), Watched())
-    of_plot, of_track = names.told(report, seen.log), names.borne(state.picture.notes, before)
+    of_plot, of_track = names.told(report, seen.log), np.empty(0, dtype=object)
+    if of_plot.any():
+        of_track = names.borne(state.picture.notes, before)
     return _Calls(of_plot, of_track, names_are_believed(count))
 
 

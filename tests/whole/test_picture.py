@@ -45,7 +45,7 @@ def test_every_target_is_shown_once_and_as_wrong_as_it_says(strait: list[Played]
     assert found.missed < 0.2
     assert found.false < 0.2
     assert found.identity_changes == 0
-    assert found.error_m < 30  # one plot has 50 m at the middle of the scene
+    assert found.error_m < 20  # one plot has 50 m at the middle of the scene
     assert 0.4 < found.nees / 2 < 1.3  # careful: a ship goes straighter than is allowed for
 
 
