@@ -57,8 +57,10 @@ class Judged(NamedTuple):
 
 
 def figures(seed: int, runs: int) -> Iterator[Figure]:
-    """Every way on the same seeds."""
-    seeds = range(seed, seed + max(runs // RUNS_EACH, 1))
+    """Every way on the same seeds; nothing where there are too few runs for one."""
+    seeds = range(seed, seed + runs // RUNS_EACH)
+    if not seeds:
+        return
     found = {name: [judged(run(one, way)) for one in seeds] for name, way in WAYS.items()}
     blind, best = found["without features"], found["learned"]
     for name, every in found.items():
