@@ -85,6 +85,14 @@ def test_coordinates_are_overruled_by_features_that_differ() -> None:
     assert paired(own, silent) == {(0, 0), (1, 1)}
 
 
+def test_places_and_features_are_weighed_together() -> None:
+    """Lengths a little apart that rule no pair out: nearly alike they yield to the places."""
+    own = view(NEAR, lengths([30, 39]), "a")
+    assert paired(own, view(NEAR, lengths([39, 30]), "b")) == {(0, 1), (1, 0)}
+    assert paired(own, view(NEAR, lengths([34, 35]), "b")) == {(0, 0), (1, 1)}
+    assert paired(own, view(NEAR, lengths([35, 34]), "b")) == {(0, 0), (1, 1)}
+
+
 def test_two_targets_at_one_place_are_not_one() -> None:
     own, other = view(NEAR[:1], lengths([30]), "a"), view(NEAR[:1], lengths([300]), "b")
     assert paired(own, other) == set()
