@@ -60,6 +60,7 @@ def nees_of_visitor(path: Path) -> list[float]:
             velocity_mps=[*truth.velocity_mps, [0.0, 0.0, 0.0]],
             acceleration_mps2=[*truth.acceleration_mps2, [0.0, 0.0, 0.0]],
             north_error_rad=[*truth.north_error_rad, example.NORTH_ERROR_RAD],
+            clock_offset_s=[*truth.clock_offset_s, 0.0],
         )
         for truth in messages(path, keys.TRUTH_CARRIERS, TruthCarriers)
     ]
