@@ -108,7 +108,7 @@ def test_two_bearing_only_carriers_are_said_to_need_more() -> None:
     assert found.reason.startswith("two bearing-only carriers")
 
 
-@pytest.mark.parametrize("apart_km", [3.0, 30.0, 300.0])
+@pytest.mark.parametrize("apart_km", [pytest.param(3.0, marks=pytest.mark.slow), 30.0, 300.0])
 def test_carriers_far_apart_register_as_well_as_near_ones(apart_km: float) -> None:
     """Curvature and meridians are in the transform: NEES of 3 dof, whatever the distance."""
     rng, scores = np.random.default_rng(int(apart_km)), []

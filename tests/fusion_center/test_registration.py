@@ -81,7 +81,9 @@ def test_covariances_turn_with_their_places() -> None:
     np.testing.assert_allclose(whitened, np.eye(2), atol=0.05)
 
 
-@pytest.mark.parametrize("count", [1, 2, 8])
+@pytest.mark.parametrize(
+    "count", [pytest.param(1, marks=pytest.mark.slow), 2, pytest.param(8, marks=pytest.mark.slow)]
+)
 def test_misclosures_after_correction_have_the_size_they_claim(count: int) -> None:
     """2 dof a pair, however many pairs the correction was made of.
 
@@ -123,6 +125,7 @@ def test_chi2_has_its_degrees_of_freedom() -> None:
     assert low < np.mean([c.chi2 for c in found]) / 12 < high
 
 
+@pytest.mark.slow
 def test_logs_of_unlike_instants_stay_honest() -> None:
     """Ship b looks 0.4 s before ship a, all move: carried on over the last two logs."""
     rng = np.random.default_rng(9)

@@ -98,6 +98,7 @@ def test_what_is_determined_is_a_track_where_the_target_is(run: list[Played]) ->
         assert not line.alarm
 
 
+@pytest.mark.slow
 def test_a_carrier_that_never_turns_never_learns_a_range() -> None:
     straight = {
         "carriers.hunter.motion": {
@@ -208,6 +209,7 @@ def test_its_intervals_cover_though_the_frame_is_unsure(run: list[Played]) -> No
     assert np.median(frame_m) > 2.0  # a picket out by metres; without it they would be surer
 
 
+@pytest.mark.slow
 def test_its_errors_are_as_large_as_it_says() -> None:
     """Five runs, three degrees of freedom each; chance leaves the interval once in a thousand."""
     low, high = mean_interval(3, 5, 0.999)

@@ -23,7 +23,7 @@ def summary(report: str) -> PictureSummary:
     return found
 
 
-@pytest.mark.parametrize("report", ["increment", "track"])
+@pytest.mark.parametrize("report", [pytest.param("increment", marks=pytest.mark.slow), "track"])
 def test_increments_and_filters_are_as_good_as_plots(report: str) -> None:
     found = summary(report)
     assert found.missed + found.false < 0.3
