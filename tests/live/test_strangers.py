@@ -71,8 +71,11 @@ def nees_of_visitor(path: Path) -> list[float]:
 
 @pytest.mark.parametrize(
     ("how", "options"),
-    [(SLOW, ["--answer-steps"]), (SLOW, []), (RunOptions(rate="20"), [])],
-    ids=["answers steps", "answers none", "paced"],
+    [
+        pytest.param(SLOW, ["--answer-steps"], id="answers steps"),
+        pytest.param(SLOW, [], id="answers none", marks=pytest.mark.slow),
+        pytest.param(RunOptions(rate="20"), [], id="paced", marks=pytest.mark.slow),
+    ],
 )
 def test_the_example_is_recorded_and_gets_a_right_correction(
     how: RunOptions, options: list[str], tmp_path: Path
@@ -153,6 +156,7 @@ def test_datagrams_of_json_get_a_right_correction_and_rubbish_among_them_is_coun
     assert outputs(path) == refused(path)
 
 
+@pytest.mark.slow
 def test_a_connection_that_dies_in_mid_line_costs_that_line(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with LiveRun(SCENARIO, path, RunOptions(rate="10")) as run, FaultyServer() as server:

@@ -74,6 +74,7 @@ def test_at_every_step_the_correction_of_the_window_before_is_applied(fed: Path)
         assert report.correction_id == (held[report.step] if report.carrier == "bravo" else "")
 
 
+@pytest.mark.slow
 def test_lost_doubled_delayed_and_reordered_messages_change_no_byte(
     feeding: Scenario, fed: Path, tmp_path: Path
 ) -> None:

@@ -29,7 +29,7 @@ def quiet(scenario: Scenario, tmp_path_factory: pytest.TempPathFactory) -> list[
     return recorded
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_lost_doubled_delayed_and_reordered_messages_change_no_byte(
     scenario: Scenario, quiet: list[tuple[str, bytes]], tmp_path: Path, seed: int
 ) -> None:
