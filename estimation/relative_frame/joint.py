@@ -277,7 +277,7 @@ def improved_by(joint: JointFrames, logs: NetworkLogs, gate: float = 0.999) -> J
         out |= wrong & (found.target_chi2 > found.target_chi2[wrong].max() / 4)
         if out.sum() > most:
             return everyone
-        found = _improved(joint, _rows(logs, ~out[logs.target]), len(out))
+        found = _improved(joint, logs.take(~out[logs.target]), len(out))
     return found
 
 
@@ -319,16 +319,6 @@ def _quantile(probability: float, dof: NDArray[np.int_]) -> Array:
 
     limit = chdtri(np.maximum(dof, 1), 1 - probability)
     return np.asarray(np.where(dof > 0, limit, np.inf), dtype=float)
-
-
-def _rows(logs: NetworkLogs, which: NDArray[np.bool_]) -> NetworkLogs:
-    return NetworkLogs(
-        logs.carrier[which],
-        logs.target[which],
-        logs.bearing_rad[which],
-        logs.range_m[which],
-        logs.covariance[which],
-    )
 
 
 def _block(carrier: int) -> Indices:

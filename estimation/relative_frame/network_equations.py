@@ -41,6 +41,16 @@ class NetworkLogs:
     range_m: Array
     covariance: Array
 
+    def take(self, which: NDArray[np.bool_]) -> NetworkLogs:
+        """Some of the logs, by a mask (M,)."""
+        return NetworkLogs(
+            self.carrier[which],
+            self.target[which],
+            self.bearing_rad[which],
+            self.range_m[which],
+            self.covariance[which],
+        )
+
 
 class Rows(NamedTuple):
     """Whitened conditions of all logs, two rows each (the second empty for a bearing)."""

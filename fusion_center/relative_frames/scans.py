@@ -72,7 +72,7 @@ def taken_in(
     after = update
     if wrong or not update.converged:
         kept = ~np.isin(logs.carrier, wrong)
-        after = improved_by(joint, _rows(logs, kept)) if update.converged else update
+        after = improved_by(joint, logs.take(kept)) if update.converged else update
     better = after.joint if after.converged else joint
     return Followed(
         better,
@@ -116,13 +116,3 @@ def _per_target(update: JointUpdate, targets: int) -> NDArray[np.float64]:
     which = np.flatnonzero(told)
     chi2[which] = update.target_chi2[which] / update.target_dof[which]
     return chi2
-
-
-def _rows(logs: NetworkLogs, which: NDArray[np.bool_]) -> NetworkLogs:
-    return NetworkLogs(
-        logs.carrier[which],
-        logs.target[which],
-        logs.bearing_rad[which],
-        logs.range_m[which],
-        logs.covariance[which],
-    )
