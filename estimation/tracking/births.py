@@ -9,6 +9,7 @@ import numpy as np
 from estimation.arrays import Array
 from estimation.tracking import bernoulli, features, imm, undetected
 from estimation.tracking.bernoulli import Tracks
+from estimation.tracking.coverage import share_in_view
 from estimation.tracking.features import Features, Layout
 from estimation.tracking.imm import Motion
 from estimation.tracking.innovations import corrected, foretold, innovations
@@ -49,7 +50,7 @@ def alone(
         clutter = np.full(scan.plots.size, scan.clutter)
         nobody = bernoulli.none(len(classes), layout, motion.models)
         return Alone(clutter, nobody, expected)
-    visible = scan.view.holds(undetected.centres(expected.region))
+    visible = share_in_view(scan.view, expected.region)
     look = Look(visible, scan.detection, found.place_m, scan.clutter)
     expected = undetected.first_looked(expected, look)
     fresh, fitness = _fresh(found, scan, motion, classes, layout)

@@ -1,7 +1,8 @@
 """Where targets may be that no track stands for yet: the Poisson half of the picture.
 
-A grid over the picture holds the expected number of undetected targets by area. What a sensor
-sees for the first time gets the density that its plots, less the clutter, show; each look thins
+A grid over the picture holds the expected number of undetected targets by area, of that share of
+each cell that was ever in view: cells may be wider than what a sensor sees. What comes into view
+for the first time gets the density that the plots in it, less the clutter, show; each look thins
 the density by the probability of a miss; targets appear and vanish at the rate that keeps their
 number.
 
@@ -12,6 +13,7 @@ association-based MeMBer, IEEE Trans. AES 51(3), 2015, section III.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -37,26 +39,26 @@ class Undetected(NamedTuple):
 
     Attributes:
         region: the square.
-        density: (cells, cells) [1/m^2], by east and north.
-        seen: (cells, cells) whether any sensor ever looked there.
+        density: (cells, cells) [1/m^2], by east and north, of what was ever in view.
+        seen: (cells, cells) share of the cell that was, by the sensor that saw most of it.
     """
 
     region: Region
     density: Array
-    seen: NDArray[np.bool_]
+    seen: Array
 
 
 class Look(NamedTuple):
     """One scan, as the grid sees it.
 
     Attributes:
-        visible: (cells, cells) cells in view.
+        visible: (cells, cells) share of each cell in view.
         detection: probability that a target in view gives a plot.
         plots_m: (2, m) where the plots are.
         clutter: expected false plots [1/m^2].
     """
 
-    visible: NDArray[np.bool_]
+    visible: Array
     detection: float
     plots_m: Array
     clutter: float
@@ -65,47 +67,60 @@ class Look(NamedTuple):
 def unseen(region: Region) -> Undetected:
     """The grid before any scan."""
     shape = (region.cells, region.cells)
-    return Undetected(region, np.zeros(shape), np.zeros(shape, dtype=bool))
+    return Undetected(region, np.zeros(shape), np.zeros(shape))
 
 
+@lru_cache(maxsize=8)
 def centres(region: Region) -> Array:
-    """East and north of the cells (2, cells, cells)."""
-    along = (np.arange(region.cells) + 0.5) * (2 * region.half_m / region.cells) - region.half_m
+    """East and north of the cells (2, cells, cells); not to be written to."""
+    along = (np.arange(region.cells) + 0.5) * cell_side(region) - region.half_m
     grid = np.stack(np.meshgrid(along, along, indexing="ij"))
     placed: Array = grid + np.asarray(region.centre_m)[:, None, None]
+    placed.flags.writeable = False
     return placed
+
+
+def cell_side(region: Region) -> float:
+    """Of a cell, along an edge [m]."""
+    return 2 * region.half_m / region.cells
 
 
 def cell_area(region: Region) -> float:
     """m^2."""
-    return (2 * region.half_m / region.cells) ** 2
+    return cell_side(region) ** 2
 
 
 def first_looked(now: Undetected, look: Look) -> Undetected:
-    """Cells in view for the first time get one common density, from the plots found in them.
+    """What is in view for the first time gets one common density, from the plots found in it.
 
-    At least one target is expected among them, or else none could ever begin.
+    At least one target is expected in all that is in view, or else none could ever begin.
     """
-    new = look.visible & ~now.seen
+    new = np.maximum(look.visible - now.seen, 0.0)
     if not new.any():
         return now
     area = float(new.sum()) * cell_area(now.region)
-    plots = float(_at(new, now.region, look.plots_m).sum())
-    number = max((plots - look.clutter * area) / max(look.detection, 1e-3), 1.0)
-    return now._replace(density=np.where(new, number / area, now.density), seen=now.seen | new)
+    in_view = float(look.visible.sum()) * cell_area(now.region)
+    share = new / np.maximum(look.visible, 1e-300)
+    plots = float(_at(share, now.region, look.plots_m).sum())
+    fresh = (plots / area - look.clutter) / max(look.detection, 1e-3)
+    both = now.density * now.seen + max(fresh, 1.0 / in_view) * new
+    density = now.density.copy()
+    np.divide(both, now.seen + new, out=density, where=new > 0)
+    return now._replace(density=density, seen=now.seen + new)
 
 
 def aged(now: Undetected, dt_s: float, lifetime_s: float, targets: float) -> Undetected:
     """The grid `dt_s` later, when `targets` in all live `lifetime_s` each and are replaced."""
-    area = max(float(now.seen.sum()), 1.0) * cell_area(now.region)
+    area = max(float(now.seen.sum()) * cell_area(now.region), 1.0)
     gone = -math.expm1(-dt_s / lifetime_s)
-    density = now.density * (1.0 - gone) + now.seen * (max(targets, 1.0) * gone / area)
-    return now._replace(density=density)
+    come = np.where(now.seen > 0, max(targets, 1.0) * gone / area, 0.0)
+    return now._replace(density=now.density * (1.0 - gone) + come)
 
 
 def thinned(now: Undetected, look: Look) -> Undetected:
     """What a look leaves undetected."""
-    return now._replace(density=now.density * np.where(look.visible, 1.0 - look.detection, 1.0))
+    looked = look.visible / np.maximum(now.seen, 1e-300)
+    return now._replace(density=now.density * (1.0 - look.detection * np.minimum(looked, 1.0)))
 
 
 def vague(region: Region, covariance_m2: Array) -> NDArray[np.bool_]:
@@ -119,13 +134,17 @@ def vague(region: Region, covariance_m2: Array) -> NDArray[np.bool_]:
 def returned(now: Undetected, place_m: Array, existence: Array) -> Undetected:
     """The grid with targets at places (2, n) that no track stands for any more.
 
+    Where no sensor ever looked nobody is counted.
+
     Source: Williams, Hybrid Poisson and multi-Bernoulli filters, FUSION 2012 (recycling).
     """
     if not existence.size:
         return now
     east, north, inside = _cells(now.region, place_m)
+    share = now.seen[east, north]
+    counted = existence * (inside & (share > 0))
     density = now.density.copy()
-    np.add.at(density, (east, north), inside * existence / cell_area(now.region))
+    np.add.at(density, (east, north), counted / np.maximum(share * cell_area(now.region), 1.0))
     return now._replace(density=density)
 
 
@@ -136,10 +155,10 @@ def density_at(now: Undetected, place_m: Array) -> Array:
 
 def expected(now: Undetected) -> float:
     """Number of undetected targets where a sensor ever looked."""
-    return float(now.density.sum()) * cell_area(now.region)
+    return float((now.density * now.seen).sum()) * cell_area(now.region)
 
 
-def _at(values: NDArray[np.bool_] | Array, region: Region, place_m: Array) -> Array:
+def _at(values: Array, region: Region, place_m: Array) -> Array:
     """Values of the cells of places (2, m), 0 outside."""
     east, north, inside = _cells(region, place_m)
     return np.where(inside, values[east, north], 0.0)
