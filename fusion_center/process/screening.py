@@ -67,16 +67,10 @@ class Screen:
         forget: Callable[[StreamKey], None],
     ) -> None:
         self._scenario, self._lives = scenario, lives
-        self._forget = forget
-        self._door = Door(lives, self._make_room)
-        self._lanes: dict[tuple[str, str], Lane] = {}
+        self._door = Door(lives, forget)
         self._shapes = Shapes()
         self._open: set[tuple[str, str]] = set()
         self._channels = dict.fromkeys(MAX_CHANNELS, 0)
-
-    def lane(self, key: str, encoding: str) -> Lane | None:
-        """Where the further messages of a stream that has been admitted are read."""
-        return self._lanes.get((key, encoding))
 
     def admit(self, address: keys.Address, sample: Sample) -> Screened:
         """The message of a sample.
@@ -93,18 +87,18 @@ class Screen:
         if reason:
             raise WireError(reason, where=sample.key)
         self._require_channel(address, stream, sample)
-        if isinstance(message, Input) and Life(stream.process, stream.boot) in self._lives:
-            lane = Lane(self._shapes, stream, type(message), sample.encoding)
-            self._lanes[sample.key, sample.encoding] = lane
         seq = getattr(message, "seq", 0) or getattr(message, "step", 0)
         is_status = address.topic.role is keys.Role.STATUS
         return Screened(
             address, message, stream, 0 if is_status else seq, getattr(message, "t_ns", 0)
         )
 
-    def _make_room(self, stream: StreamKey) -> None:
-        self._lanes.clear()
-        self._forget(stream)
+    def lane(self, screened: Screened, encoding: str) -> Lane | None:
+        """Where the further messages of a stream are read; None if of nobody who takes part."""
+        message, stream = screened.message, screened.stream
+        if isinstance(message, Input) and Life(stream.process, stream.boot) in self._lives:
+            return Lane(self._shapes, stream, type(message), encoding)
+        return None
 
     def _is_of_another_run(self, message: Struct) -> str:
         """Why a message of world or fusion centre cannot be theirs; empty if it can."""

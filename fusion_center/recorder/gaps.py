@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from schemas.bus.interface import Inbox, Sample
@@ -60,9 +60,12 @@ class Gaps:
         """Know nothing of a stream any more."""
         self._ledger.forget(stream)
 
-    def goes_on(self, stream: StreamKey, seq: int) -> bool:
-        """Account for a message that has nothing missing before it, as nearly none has."""
-        return self._ledger.goes_on(stream, seq)
+    def follower(self, stream: StreamKey) -> Callable[[int], bool]:
+        """Accounts for the message after all that have come, as nearly every one is.
+
+        It holds until the stream is forgotten.
+        """
+        return self._ledger.follower(stream)
 
     def is_repeated(self, stream: StreamKey, seq: int, key: str) -> bool:
         """Account for a message; whether it has been here.

@@ -27,7 +27,6 @@ class Sink(Protocol):
         key: str,
         payload: bytes,
         encoding: str,
-        *,
         log_time_ns: int,
         publish_time_ns: int,
         sequence: int,

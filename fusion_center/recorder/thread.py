@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from queue import SimpleQueue
 from types import TracebackType
+from typing import NamedTuple
 
 from schemas import keys
 from schemas.bus.interface import Sample
@@ -24,6 +25,7 @@ from schemas.messages import (
     Step,
 )
 from schemas.recording.contents import RunEnd
+from schemas.shapes import Envelope
 
 from ..process.counts import UNKNOWN, StreamCounts
 from ..process.lives import Lives
@@ -43,6 +45,19 @@ QUEUE_BYTES = 256 * 1024 * 1024
 HOLD_BACK_BYTES = 16 * 1024 * 1024
 """A queue longer than this holds back the acknowledgement of the fusion centre."""
 FINISH_S = 10.0
+
+
+class _Course(NamedTuple):
+    """What nearly every message of a stream needs, found once.
+
+    Attributes:
+        read: a payload of the stream; is_next: accounts for a seq, if it is the next one.
+    """
+
+    stream: StreamKey
+    row: Row
+    read: Callable[[bytes], Envelope | None]
+    is_next: Callable[[int], bool]
 
 
 class Recorder:
@@ -79,7 +94,8 @@ class Recorder:
         self.claimed: dict[StreamKey, int] = {}
         self._rows = Rows(wanted)
         self._gaps = Gaps(member, self._inbox, self.lives, self._rows)
-        self._screen = Screen(scenario, self.lives, self._gaps.forget)
+        self._screen = Screen(scenario, self.lives, self._forget)
+        self._courses: dict[tuple[str, str], _Course] = {}
         self._counts = StreamCounts(self.lives)
         self._clock_ns = scenario.epoch_ns if scenario else time.time_ns()
         self._has_steps = scenario is not None
@@ -214,70 +230,68 @@ class Recorder:
     def _fail(self, error: RecordingError) -> None:
         self._error = error
         self._inbox.max_bytes = 0  # from here on arrivals are only counted
+        self._courses.clear()
         self._unwritten += self._writer.unwritten.total()
         self._rows.lose(self._writer.unwritten)
         log.error("recording ended early: %s", error)
 
     def _record(self, samples: Iterable[Sample]) -> None:
         """Write samples; what cannot be recorded is counted with its reason."""
-        row_of, goes_on = self._rows.row, self._goes_on
+        course_of, goes_on = self._courses.get, self._goes_on
         for sample in samples:
             self._taken += 1
-            row = row_of(sample[0])
-            row.received += 1
+            course = course_of((sample[0], sample[2]))
             try:
-                if self._error is not None:
-                    row.dropped += 1
-                    self._unwritten += 1
-                elif goes_on(sample):
-                    row.recorded += 1
-                else:
-                    self._examine(row, sample)
+                if course is None or not goes_on(course, sample):
+                    self._examine(sample)
             except WireError as error:
-                self._refuse(row, source_of(keys.parse(sample.key)), error)
+                self._refuse(sample.key, source_of(keys.parse(sample.key)), error)
             except RecordingError as error:
-                row.dropped += 1
-                self._unwritten += 1
+                self._drop(sample.key)
                 self._fail(error)
 
-    def _goes_on(self, sample: Sample) -> bool:
-        """Write a message that is the next of a stream admitted, as nearly all are; if it is one.
+    def _goes_on(self, course: _Course, sample: Sample) -> bool:
+        """Write a message of a stream admitted before, unless it is here; if it is of that stream.
 
         Raises:
-            WireError: it cannot be written.
+            WireError: it cannot be accounted for, or written.
             RecordingError: the disk fails.
         """
+        stream, row, read, is_next = course
         key, payload, encoding = sample
-        lane = self._screen.lane(key, encoding)
-        if lane is None or self.paused:
+        if self.paused:
             return False
         try:
-            message = lane.next(payload)
+            message = read(payload)
         except WireError:
             return False
-        if message is None or not self._gaps.goes_on(lane.stream, message.seq):
+        if message is None:
             return False
-        self._writer.write(
-            key,
-            payload,
-            encoding,
-            log_time_ns=self._clock_ns,
-            publish_time_ns=message.t_ns,
-            sequence=message.seq,
-        )
+        row.received += 1
+        if not is_next(message.seq) and self._gaps.is_repeated(stream, message.seq, key):
+            row.repeated += 1
+            self._repeated += 1
+            return True
+        self._writer.write(key, payload, encoding, self._clock_ns, message.t_ns, message.seq)
+        row.recorded += 1
         return True
 
-    def _examine(self, row: Row, sample: Sample) -> None:
+    def _examine(self, sample: Sample) -> None:
         """Write a message of any kind, if it may be recorded and is not here already.
 
         Raises:
             WireError: it may not be recorded.
             RecordingError: the disk fails.
         """
+        row = self._rows.row(sample.key)
+        row.received += 1
+        if self._error is not None:
+            self._drop(sample.key)
+            return
         try:
             address = row.address or keys.parse(sample.key)
         except WireError as error:
-            self._refuse(row, Source(UNKNOWN, UNKNOWN), error)
+            self._refuse(sample.key, Source(UNKNOWN, UNKNOWN), error)
             return
         if not (row.wanted and (row.address or self._rows.wants(address, sample.key))):
             row.passed_over += 1
@@ -285,8 +299,12 @@ class Recorder:
             return
         self._write(row, sample, self._screen.admit(address, sample))
 
-    def _refuse(self, row: Row, source: Source, error: WireError) -> None:
-        row.rejected += 1
+    def _drop(self, key: str) -> None:
+        self._rows.row(key).dropped += 1
+        self._unwritten += 1
+
+    def _refuse(self, key: str, source: Source, error: WireError) -> None:
+        self._rows.row(key).rejected += 1
         if self._counts.refuse(*source, str(error)):
             log.warning("not recorded: %s %s: %s", *source, error)
 
@@ -308,15 +326,26 @@ class Recorder:
             row.passed_over += 1
             self._passed_over += 1
             return
-        self._writer.write(
-            sample.key,
-            sample.payload,
-            sample.encoding,
-            log_time_ns=self._clock_ns,
-            publish_time_ns=screened.t_ns,
-            sequence=seq or getattr(message, "seq", 0) or getattr(message, "step", 0),
-        )
+        number = seq or getattr(message, "seq", 0) or getattr(message, "step", 0)
+        self._writer.write(*sample, self._clock_ns, screened.t_ns, number)
         row.recorded += 1
+        self._follow(row, sample, screened)
+
+    def _follow(self, row: Row, sample: Sample, screened: Screened) -> None:
+        """Let the further messages of a stream of those who take part go the short way."""
+        before = self._courses.get((sample.key, sample.encoding))
+        if before is not None and before.stream == screened.stream:
+            return
+        lane = self._screen.lane(screened, sample.encoding)
+        if lane is not None:
+            is_next = self._gaps.follower(screened.stream)
+            course = _Course(screened.stream, row, lane.next, is_next)
+            self._courses[sample.key, sample.encoding] = course
+
+    def _forget(self, stream: StreamKey) -> None:
+        """Know nothing of a stream any more."""
+        self._courses.clear()
+        self._gaps.forget(stream)
 
     def _heed(self, message: Step | Closed, topic: keys.Topic) -> None:
         """Follow the time of the run and what a whole recording of it holds."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple
@@ -74,13 +74,12 @@ class Ledger:
         stream.accounted.add(seq, seq)
         return Seen.NEW
 
-    def goes_on(self, key: StreamKey, seq: int) -> bool:
-        """Account for a message if it is the one after all of its stream, as nearly always is.
+    def follower(self, key: StreamKey) -> Callable[[int], bool]:
+        """Accounts for a message if it is the one after all of its stream, and says whether it is.
 
-        What this does not account for is to be noted.
+        What it does not account for is to be noted. It is of no use once the stream is forgotten.
         """
-        stream = self._streams.get(key)
-        return stream is not None and stream.accounted.extend(seq)
+        return self._streams.setdefault(key, _Stream()).accounted.extend
 
     def is_absurd(self, key: StreamKey, seq: int) -> bool:
         """Whether a seq is so far from all others of its stream that it cannot be meant."""

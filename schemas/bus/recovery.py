@@ -156,13 +156,15 @@ class Recovery:
             reply = codec.decode(BackfillReply, answer.payload, answer.encoding)
         except WireError:
             return False
-        for record in reply.records:
-            if self._is_of(asked, record.key):
-                self.fetched += 1
-                sample = Sample(record.key, record.payload, record.encoding)
-                self._inbox.put(sample, weigh(sample.key, sample.payload))
-            else:
-                self.refused += 1
+        is_of = {key: self._is_of(asked, key) for key in {record.key for record in reply.records}}
+        found = [
+            Sample(record.key, record.payload, record.encoding)
+            for record in reply.records
+            if is_of[record.key]
+        ]
+        self.fetched += len(found)
+        self.refused += len(reply.records) - len(found)
+        self._inbox.put_all(found, [weigh(sample.key, sample.payload) for sample in found])
         return True
 
     def _is_of(self, asked: StreamKey, key: str) -> bool:

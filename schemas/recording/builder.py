@@ -40,6 +40,8 @@ from .records import HEAD
 
 CHUNK_BYTES = 256 * 1024
 ZSTD = "zstd"
+LEVEL = 1
+"""A recording of reports gets 3 % larger than at level 3, in three quarters of the time or less."""
 _MESSAGE = Struct("<BQHIQQ")
 _MESSAGE_BYTES = 22
 """Of the fields of a message before its payload."""
@@ -86,7 +88,7 @@ class McapBuilder:
         self._numbers: Counter[Opcode] = Counter()
         self._counts: dict[int, int] = {}
         self._start_ns, self._end_ns = 2**64 - 1, 0
-        self._compress = zstandard.ZstdCompressor().compress
+        self._compress = zstandard.ZstdCompressor(LEVEL).compress
         self._chunk = bytearray()
         self._index: dict[int, array[int]] = {}
         self._append(MCAP0_MAGIC + _bytes_of(Header(profile, LIBRARY_IDENTIFIER)))

@@ -130,7 +130,6 @@ class PartedWriter:
         key: str,
         payload: bytes,
         encoding: str,
-        *,
         log_time_ns: int,
         publish_time_ns: int,
         sequence: int,
@@ -150,14 +149,7 @@ class PartedWriter:
             self.split()
             self._too_late -= 1
         try:
-            self._writer.write(
-                key,
-                payload,
-                encoding,
-                log_time_ns=log_time_ns,
-                publish_time_ns=publish_time_ns,
-                sequence=sequence,
-            )
+            self._writer.write(key, payload, encoding, log_time_ns, publish_time_ns, sequence)
         except RecordingError as error:
             self.error = error
             raise

@@ -92,7 +92,7 @@ class RecordingWriter:
         self._flushed_s = self._ticked_s = float("-inf")
         self._clock_ns = 0
         self._recorded = self._dropped = 0
-        self._pending: Counter[int] = Counter()
+        self._pending: list[int] = []
         self._chunks = 0
         self._dirty = self._sealed = False
         self._before_end: int | None = None
@@ -118,7 +118,6 @@ class RecordingWriter:
         key: str,
         payload: bytes,
         encoding: str,
-        *,
         log_time_ns: int,
         publish_time_ns: int,
         sequence: int,
@@ -143,7 +142,7 @@ class RecordingWriter:
             return
         channel = self._channels.get((key, encoding)) or self._register(key, encoding)
         self._recorded += 1
-        self._pending[channel] += 1
+        self._pending.append(channel)
         self._add(channel, log_time_ns, payload, publish_time_ns, sequence)
 
     def files(self) -> list[Path]:
@@ -320,10 +319,9 @@ class RecordingWriter:
 
     def _drop_pending(self) -> None:
         topics = {number: key for (key, _), number in self._channels.items()}
-        for number, count in self._pending.items():
-            self.unwritten[topics[number]] += count
-        self._recorded -= self._pending.total()
-        self._dropped += self._pending.total()
+        self.unwritten.update(topics[number] for number in self._pending)
+        self._recorded -= len(self._pending)
+        self._dropped += len(self._pending)
         self._pending.clear()
 
     def _seal(self, end: RunEnd) -> None:

@@ -84,13 +84,14 @@ def test_a_forgotten_stream_begins_anew() -> None:
 def test_what_goes_on_is_accounted_for_and_nothing_else() -> None:
     ledger = Ledger()
     key = StreamKey("alpha", "b1", "radar")
-    assert not ledger.goes_on(key, 1)
+    goes_on = ledger.follower(key)
+    assert not goes_on(1)
     assert ledger.note(key, 1) is Seen.NEW
-    assert ledger.goes_on(key, 2)
+    assert goes_on(2)
     for seq in (1, 2, 4):
-        assert not ledger.goes_on(key, seq)
+        assert not goes_on(seq)
     assert ledger.note(key, 2) is Seen.DUPLICATE
     assert ledger.missing(key, 4) == [(3, 4)]
     ledger.give_up(key, 3, 3)
-    assert ledger.goes_on(key, 4)
+    assert goes_on(4)
     assert ledger.note(key, 3) is Seen.LATE
