@@ -18,13 +18,13 @@ from fusion_center.pipeline import Outputs, initial
 from fusion_center.settings import settings_from
 from schemas import codec, keys
 from schemas.errors import RecordingError, WireError
-from schemas.messages import Closed, DeclaredScenario, Event, Input, TruthScenario
+from schemas.messages import Closed, DeclaredScenario, Event, Input
 from schemas.recording.contents import (
-    TRUTH,
     Attachment,
     RunHeader,
     hash_of,
     run_attachments,
+    truth_of,
 )
 from schemas.recording.fingerprint import installed_versions, numeric_fingerprint
 from schemas.recording.reader import Recorded, Recording
@@ -225,6 +225,4 @@ def _attachments(
     recording: Recording, scenario: DeclaredScenario, config: bytes
 ) -> list[Attachment]:
     """The declared scenario and configuration with the new settings; the truth as it was."""
-    files = recording.attachments
-    truth = codec.decode(TruthScenario, files[TRUTH].data, "json") if TRUTH in files else None
-    return run_attachments(scenario, truth, config)
+    return run_attachments(scenario, truth_of(recording.attachments), config)

@@ -21,7 +21,7 @@ from .launch import Child, Launch, free_endpoint
 from .new_file import new_recording, require_new
 from .picture import require_bokeh
 from .progress import Watcher, new_console
-from .table import show_frames
+from .table import show_results
 
 HUB_S = 10.0
 """For a hub of our own to start in; one that runs already answers at once."""
@@ -53,7 +53,7 @@ def carry_out(path: Path, options: RunOptions) -> int:
             code = launch.watch(watcher.turn)
     if files := parts_of(recording) if recording.parent.is_dir() else []:
         console.print(f"recording: {', '.join(map(str, files))}", highlight=False)
-        show_frames(files[-1], as_json=options.json)
+        show_results(files[-1], as_json=options.json)
         if options.verify:
             code = code or verify(recording, refuse=True)
         if options.report:

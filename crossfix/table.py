@@ -1,23 +1,24 @@
-"""What the corrections of a recording did, as a table for people or as JSON."""
+"""What a run has found, against the truth in its recording, as tables for people or as JSON."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
-from math import degrees, isnan, nan
+from collections.abc import Callable, Sequence
+from math import isnan, nan
 from pathlib import Path
-from typing import cast
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from schemas import keys
-from schemas.messages import Correction, DeclaredScenario, Navigation, TruthCarriers
-from schemas.recording.reader import open_recording
-
-from .evaluation import FrameSummary, frame_errors, said_errors, summarise
-from .tracking_errors import CUTOFF_M, Known, PictureSummary, picture_errors, summarise_picture
+from .evaluation import CUTOFF_M, AlignmentSummary, FrameSummary, PictureSummary
+from .evaluation.recordings import (
+    WholeAlignment,
+    alignment_summary,
+    frame_summaries,
+    picture_summary,
+)
+from .quantities import degrees, metres, quantity, three_digits
 
 NOTE = (
     "Root mean squares over the second half of the run, when it has converged. Own axes: the other "
@@ -31,93 +32,47 @@ PICTURE_NOTE = (
     "Error: root mean square of the tracks' places."
 )
 
+ALIGNMENT_NOTE = (
+    "Root mean squares over the second half of the run, along true north. Clocks are counted from "
+    "the own one."
+)
+
 PICTURE_HEADINGS = (
     "targets", "tracks", "missed", "false", "GOSPA", "error", "NEES/dim", "names changed"
 )  # fmt: skip
-
-DIMENSIONS = 2
-"""Of a place in the picture."""
 
 NOTHING = 1e-6
 """An error below this [m, rad] is none: known frames have no ratio."""
 
 
-def show_frames(path: Path, *, as_json: bool = False) -> list[FrameSummary]:
-    """Print the error of every carrier's frame before and after correction, and the picture's.
+def show_results(path: Path, *, as_json: bool = False) -> None:
+    """Print what can be held against the truth: frames, alignment, picture, where there are any.
 
-    JSON has the frames alone; the picture is among the figures of `crossfix report --json`.
+    JSON has the frames alone; all figures are in `crossfix report --json`.
     """
-    summaries = frame_summaries(path)
+    frames = frame_summaries(path)
     if as_json:
-        print(json.dumps([summary._asdict() for summary in summaries], indent=2))
-    else:
-        print_frames(summaries)
-        if (picture := picture_summary(path)) is not None:
-            print_picture(picture)
-    return summaries
-
-
-def frame_summaries(path: Path) -> list[FrameSummary]:
-    """Errors of every carrier's frame; empty where the recording holds no truth."""
-    with open_recording(path) as recording:
-        scenario = recording.scenario
-        messages = [message.decode() for message in recording.messages(topics=_FRAMES)]
-    corrections = [m for m in messages if isinstance(m, Correction)]
-    wanted = [m for m in messages if isinstance(m, TruthCarriers | Correction)]
-    errors = frame_errors(scenario, own_carrier(scenario), wanted)
-    last = {correction.carrier: correction for correction in corrections}
-    told = [m for m in messages if isinstance(m, TruthCarriers | Navigation)]
-    said = said_errors(scenario, own_carrier(scenario), sorted(told, key=_time))
-    return [
-        summarise(name, errors.get(name, []), last[name], said.get(name, ()))
-        for name in sorted(last)
-    ]
-
-
-_FRAMES = (keys.TRUTH_CARRIERS, keys.CORRECTION, keys.NAVIGATION)
-
-
-def _time(message: TruthCarriers | Navigation) -> int:
-    return message.t_ns
-
-
-def picture_summary(path: Path) -> PictureSummary | None:
-    """The picture against the truth; None where the recording lacks either."""
-    wanted = (keys.TRUTH_TARGETS, keys.TRUTH_CARRIERS, keys.NAVIGATION, keys.TRACK)
-    with open_recording(path) as recording:
-        scenario = recording.scenario
-        known = (message.decode() for message in recording.messages(topics=wanted))
-        messages = cast("Iterable[Known]", known)
-        return summarise_picture(picture_errors(scenario, own_carrier(scenario), messages))
-
-
-def own_carrier(scenario: DeclaredScenario) -> str:
-    """The carrier whose axes the picture is in."""
-    return str(scenario.fusion.get("own") or scenario.carriers[0].name)
+        print(json.dumps([summary._asdict() for summary in frames], indent=2))
+        return
+    if frames:
+        print_frames(frames)
+    print_alignment(alignment_summary(path))
+    if (picture := picture_summary(path)) is not None and picture.targets + picture.tracks:
+        print_picture(picture)
 
 
 def print_frames(summaries: list[FrameSummary]) -> None:
     """Print them as a table for people."""
-    table = Table(
-        title="Error of each carrier's frame before and after correction",
-        caption=NOTE,
-        caption_justify="left",
-        box=SIMPLE_HEAD,
-        padding=(0, 0, 0, 1),
-        pad_edge=False,
-    )
-    for heading in ("carrier", "error of"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("before", "after", "ratio", "sigma", "NEES/dim"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    table = _table("Error of each carrier's frame before and after correction", NOTE)
+    _add_errors(table, "carrier", "before", "after")
     for s in summaries:
-        place = _change(s.before_m, s.after_m, _metres)
-        fixed = _change(s.fixed_before_m, s.fixed_after_m, _metres)
+        place = _change(s.before_m, s.after_m, metres)
+        fixed = _change(s.fixed_before_m, s.fixed_after_m, metres)
         north = _change(s.before_rad, s.after_rad, _degrees)
-        nees = _number(s.nees / 3, ".2f")
-        table.add_row(s.carrier, "place, own axes", *place, _metres(s.sigma_m), nees)
+        nees = quantity(s.nees / 3, ".2f")
+        table.add_row(s.carrier, "place, own axes", *place, metres(s.sigma_m), nees)
         table.add_row(s.state, "place, fixed axes", *fixed)
-        targets = _number(s.pairs, ".1f", " targets")
+        targets = quantity(s.pairs, ".1f", " targets")
         table.add_row(targets, "north", *north, _degrees(s.sigma_rad), end_section=True)
     console = Console()
     console.print(table, highlight=False)
@@ -128,21 +83,65 @@ def print_frames(summaries: list[FrameSummary]) -> None:
             console.print(f"{s.carrier} {applies(s.said_m)}", highlight=False)
 
 
-def applies(said_m: float) -> str:
+def applies(said_m: float | None) -> str:
     """That a carrier applies its corrections, in words, and what comes of it."""
-    return f"applies its corrections: the place it reports then errs by {_metres(said_m)}"
+    if said_m is None or isnan(said_m):
+        return "applies its corrections"
+    return f"applies its corrections: the place it reports then errs by {metres(said_m)}"
+
+
+def print_alignment(alignment: WholeAlignment) -> None:
+    """Print carriers and beacons as tables for people; nothing where there are none."""
+    console = Console()
+    if alignment.carriers:
+        table = _table("Carriers by beacons and ranges", ALIGNMENT_NOTE)
+        _add_errors(table, "carrier", "reported", "found")
+        for s in alignment.carriers:
+            for row in alignment_rows(s, _degrees):
+                table.add_row(*row)
+            table.add_section()
+        console.print(table, highlight=False)
+    if alignment.beacons:
+        table = _table("Beacons at the end", "")
+        table.add_column("beacon", no_wrap=True)
+        for heading in ("error as declared", "as found", "sigma"):
+            table.add_column(heading, justify="right", no_wrap=True)
+        for b in alignment.beacons:
+            table.add_row(b.beacon, metres(b.declared_m), metres(b.found_m), metres(b.sigma_m))
+        console.print(table, highlight=False)
+    for words in not_observable(alignment):
+        console.print(words, highlight=False)
+
+
+def not_observable(alignment: WholeAlignment) -> list[str]:
+    """What ranges have left open, as sentences."""
+    return [
+        f"{carrier.carrier}: not observable: {', '.join(carrier.unobservable)}"
+        for carrier in alignment.carriers
+        if carrier.unobservable
+    ]
+
+
+def alignment_rows(
+    s: AlignmentSummary, angle: Callable[[float], str] = degrees
+) -> Sequence[tuple[str, ...]]:
+    """Rows of carrier, what, reported, found, ratio, sigma, NEES/dim; known constants have none."""
+    nees = quantity(s.nees_per_dimension, ".2f")
+    place = _change(s.reported_m, s.found_m, metres)
+    rows = [(s.carrier, "place", *place, metres(s.sigma_m), nees)]
+    names = iter([s.status, f"{s.ranges} ranges"])
+    if s.sigma_rad > 0:
+        north = _change(s.reported_rad, s.found_rad, angle)
+        rows.append((next(names), "north", *north, angle(s.sigma_rad), ""))
+    if s.sigma_s > 0:
+        clock = _change(s.reported_s, s.found_s, _seconds)
+        rows.append((next(names), "clock", *clock, _seconds(s.sigma_s), ""))
+    return rows
 
 
 def print_picture(picture: PictureSummary) -> None:
     """Print it as a table for people."""
-    table = Table(
-        title="Picture against the truth",
-        caption=PICTURE_NOTE,
-        caption_justify="left",
-        box=SIMPLE_HEAD,
-        padding=(0, 0, 0, 1),
-        pad_edge=False,
-    )
+    table = _table("Picture against the truth", PICTURE_NOTE)
     for heading in PICTURE_HEADINGS:
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_row(*picture_cells(picture))
@@ -152,29 +151,43 @@ def print_picture(picture: PictureSummary) -> None:
 def picture_cells(picture: PictureSummary) -> tuple[str, ...]:
     """The row under `PICTURE_HEADINGS`."""
     return (
-        _number(picture.targets, ".1f"),
-        _number(picture.tracks, ".1f"),
-        _number(picture.missed, ".2f"),
-        _number(picture.false, ".2f"),
-        _number(picture.gospa_m, ".1f", " m"),
-        _number(picture.error_m, ".1f", " m"),
-        _number(picture.nees / DIMENSIONS, ".2f"),
+        quantity(picture.targets, ".1f"),
+        quantity(picture.tracks, ".1f"),
+        quantity(picture.missed, ".2f"),
+        quantity(picture.false, ".2f"),
+        metres(picture.gospa_m),
+        metres(picture.error_m),
+        quantity(picture.nees_per_dimension, ".2f"),
         str(picture.identity_changes),
     )
 
 
+def _table(title: str, note: str) -> Table:
+    return Table(
+        title=title,
+        caption=note or None,
+        caption_justify="left",
+        box=SIMPLE_HEAD,
+        padding=(0, 0, 0, 1),
+        pad_edge=False,
+    )
+
+
+def _add_errors(table: Table, whose: str, before: str, after: str) -> None:
+    for heading in (whose, "error of"):
+        table.add_column(heading, no_wrap=True)
+    for heading in (before, after, "ratio", "sigma", "NEES/dim"):
+        table.add_column(heading, justify="right", no_wrap=True)
+
+
 def _change(before: float, after: float, told: Callable[[float], str]) -> tuple[str, str, str]:
     ratio = after / before if before > NOTHING else nan
-    return told(before), told(after), _number(ratio, ".3f")
-
-
-def _metres(metres: float) -> str:
-    return _number(metres, ".0f", " m")
+    return told(before), told(after), quantity(ratio, ".4f")
 
 
 def _degrees(radians: float) -> str:
-    return _number(degrees(radians), ".2f", " deg")
+    return degrees(radians, " deg")
 
 
-def _number(value: float, form: str, unit: str = "") -> str:
-    return "-" if isnan(value) else f"{value:{form}}{unit}"
+def _seconds(span_s: float) -> str:
+    return three_digits(span_s, " s")

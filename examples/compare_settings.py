@@ -13,7 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import crossfix
-from crossfix.table import frame_summaries
+from crossfix.evaluation.recordings import frame_summaries
 from sim_world.scenario import parse_override
 
 

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from bench.figures import Figure, at_least, at_most, told
 from bench.in_process import Played, played
-from crossfix.tracking_errors import picture_errors
+from crossfix.evaluation import picture_errors
 from estimation.metrics import identity_changes
 from schemas.messages import Input, Navigation, Quality, SourceReport, Tracks
 from sim_world.scenario import Scenario, load_scenario, with_overrides

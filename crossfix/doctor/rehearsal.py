@@ -9,9 +9,9 @@ from tempfile import TemporaryDirectory
 
 from crossfix.commands.run import RunOptions
 from crossfix.evaluation import FrameSummary
+from crossfix.evaluation.recordings import frame_summaries
 from crossfix.launch import Launch
 from crossfix.running import processes
-from crossfix.table import frame_summaries
 from crossfix.verification import compare
 from schemas.errors import CrossfixError, LaunchError
 from schemas.recording.reader import open_recording

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from crossfix.evaluation import symmetric
+from crossfix.evaluation.recordings import own_carrier
 from crossfix.picture.axes import TruthView, View
 from crossfix.picture.logs import log_names
-from crossfix.table import own_carrier
 from estimation.arrays import Array
 from estimation.frames import (
     RigidTransform,

@@ -9,13 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from bokeh.models import ColumnDataSource, PrintfTickFormatter, Range1d
 from bokeh.models.annotations.geometry import BoxAnnotation
+from bokeh.models.annotations.labels import Label
 
 from estimation.arrays import Array
 
 from .clock import POINTS, Clock, rule, usual_range
 from .figures import DIMENSIONS, nees_interval
 from .series import FrameSeries
-from .style import FAINT, STATES, TRUTH, Figure, hover, new_figure
+from .sources import squares_over_time
+from .style import FAINT, STATES, TRUTH, Figure, hover, new_figure, whole_numbers
 from .thinning import stride
 from .tracks import SIGMAS, ellipse
 
@@ -23,6 +25,9 @@ HEIGHT = 210
 MEAN_OF = 30
 """NEES values in the moving mean."""
 LEAST_NEES = 1e-3
+DETERMINED, WEAK = 0.5, 0.9
+"""Posterior over prior sigma below which a direction is determined, or weakly so."""
+LEAST_RATIO = 1e-4
 
 
 class Part(NamedTuple):
@@ -43,11 +48,12 @@ PARTS = (
 
 
 def correction_plots(series: FrameSeries, clock: Clock, colour: str) -> list[Figure]:
-    """For each part what the correction adds and, where truth is known, what error remains."""
-    added = [_added(series, clock, colour, part) for part in PARTS]
-    if not np.isfinite(series.truth).any():
-        return added
-    return added + [_remaining(series, clock, colour, part) for part in PARTS]
+    """What the correction adds, what error remains if truth is known, and what it rests on."""
+    plots = [_added(series, clock, colour, part) for part in PARTS]
+    if np.isfinite(series.truth).any():
+        plots += [_remaining(series, clock, colour, part) for part in PARTS]
+    rests_on = (_directions, _pairs, _misclosures)
+    return plots + [plot(series, clock, colour) for plot in rests_on]
 
 
 def _added(series: FrameSeries, clock: Clock, colour: str, part: Part) -> Figure:
@@ -75,6 +81,49 @@ def _remaining(series: FrameSeries, clock: Clock, colour: str, part: Part) -> Fi
     line = plot.line("t", "value", source=source, line_color=colour, line_width=1.1)
     unit = f"{{{part.digits}}} {part.unit}"
     plot.add_tools(clock.hover(line, error=f"@value{unit}", two_sigma=f"@high{unit}"))
+    return plot
+
+
+def _directions(series: FrameSeries, clock: Clock, colour: str) -> Figure:
+    """How far the data inform each direction: below `DETERMINED` it is determined."""
+    plot = clock.figure(HEIGHT, title="directions: posterior / prior sigma", y_axis_type="log")
+    plot.y_range = Range1d(start=LEAST_RATIO, end=2.0)
+    plot.yaxis.formatter = PrintfTickFormatter(format="%g")
+    columns = {name: series.ratios[:, n] for n, name in enumerate(("weakest", "middle", "best"))}
+    source = clock.columns(series.t_s, **columns)
+    for limit in (DETERMINED, WEAK):
+        rule(plot, limit, FAINT)
+    plot.add_layout(Label(
+        x=6, x_units="screen", y=DETERMINED, y_offset=-13, text="determined below",
+        text_color=FAINT, text_font_size="11px",
+    ))  # fmt: skip
+    lines = [
+        plot.line("t", name, source=source, line_color=colour, line_width=width, line_alpha=0.8)
+        for name, width in zip(columns, (2.4, 1.2, 1.2), strict=True)
+    ]
+    plot.add_tools(clock.hover(lines[0], **{name: f"@{name}{{0.0000}}" for name in columns}))
+    return plot
+
+
+def _pairs(series: FrameSeries, clock: Clock, colour: str) -> Figure:
+    plot = clock.figure(HEIGHT, title="associated pairs used [number]")
+    whole_numbers(plot)
+    source = clock.columns(series.t_s, pairs=series.pairs)
+    line = plot.step("t", "pairs", source=source, mode="after", line_color=colour, line_width=1.4)
+    plot.add_tools(clock.hover(line, pairs="@pairs{0}"))
+    return plot
+
+
+def _misclosures(series: FrameSeries, clock: Clock, colour: str) -> Figure:
+    """The chi2 of what each correction was found with, by its degrees of freedom."""
+    plot = clock.figure(HEIGHT, title="misclosures: chi2 / degree of freedom")
+    found = squares_over_time(series.t_s, series.chi2, series.dof, float(series.t_s[-1]))
+    plot.y_range = Range1d(start=0, end=usual_range(found.mean, found.high).end)
+    source = clock.columns(found.t_s, mean=found.mean, low=found.low, high=found.high)
+    plot.varea("t", "low", "high", source=source, fill_color=STATES["applied"], fill_alpha=0.2)
+    rule(plot, 1.0, FAINT)
+    line = plot.line("t", "mean", source=source, line_color=colour, line_width=1.6)
+    plot.add_tools(clock.hover(line, chi2="@mean{0.00}", honest="@low{0.00} to @high{0.00}"))
     return plot
 
 

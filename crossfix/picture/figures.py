@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import hypot, isnan
+from math import hypot
 
 import numpy as np
 from msgspec import Struct
 from scipy.special import chdtri
 
 from crossfix.commands.info import ending
-from crossfix.evaluation import FrameSummary, said_errors, summarise
-from crossfix.table import DIMENSIONS as PLACE_DIMENSIONS
-from crossfix.tracking_errors import summarise_picture
+from crossfix.evaluation import (
+    AlignmentError,
+    AlignmentSummary,
+    BeaconSummary,
+    FrameSummary,
+    PictureSummary,
+    alignment_errors,
+    said_errors,
+    summarise,
+    summarise_alignment,
+    summarise_beacons,
+    summarise_picture,
+)
 from schemas.messages import Navigation, TruthCarriers
 from schemas.recording.fingerprint import Fingerprint
 
@@ -25,6 +35,7 @@ from .accounts import (
     timing_figures,
 )
 from .series import FrameSeries
+from .sources import SourceFigures, source_figures
 from .story import Story
 
 DIMENSIONS = 3
@@ -86,27 +97,6 @@ class CarrierFigures(Struct, frozen=True, kw_only=True):
     truth: TruthFigures | None
 
 
-class PictureTruth(Struct, frozen=True, kw_only=True):
-    """The picture against the truth, means over the second half of the run.
-
-    Attributes:
-        targets, tracks, missed, false: numbers of them.
-        gospa_m: p = 2, c = `CUTOFF_M`.
-        error_m: root mean square of the places of tracks; None without any.
-        nees_per_dimension: of those places; 1 where their covariance is honest.
-        identity_changes: how often a target was taken over by another track.
-    """
-
-    targets: float
-    tracks: float
-    missed: float
-    false: float
-    gospa_m: float
-    error_m: float | None
-    nees_per_dimension: float | None
-    identity_changes: int
-
-
 class PictureFigures(Struct, frozen=True, kw_only=True):
     """The tracks of the picture.
 
@@ -119,7 +109,7 @@ class PictureFigures(Struct, frozen=True, kw_only=True):
     tracks: int
     objects: float
     sigma_objects: float
-    truth: PictureTruth | None
+    truth: PictureSummary | None
 
 
 class Figures(Struct, frozen=True, kw_only=True):
@@ -129,6 +119,8 @@ class Figures(Struct, frozen=True, kw_only=True):
         notices: what a reader should know before reading the rest.
         sampling: what of it is drawn only in part.
         picture: None where the recording holds none.
+        alignment, beacons: what beacons and ranges tell; empty where there are none.
+        sources: that said something.
     """
 
     recording: str
@@ -147,6 +139,9 @@ class Figures(Struct, frozen=True, kw_only=True):
     steps_declared: int
     carriers: list[CarrierFigures]
     picture: PictureFigures | None
+    alignment: list[AlignmentSummary]
+    beacons: list[BeaconSummary]
+    sources: list[SourceFigures]
     losses: LossFigures
     news: list[News]
     timing: TimingFigures
@@ -176,6 +171,9 @@ def figures_of(story: Story, series: Sequence[FrameSeries]) -> Figures:
         steps_declared=story.scenario.steps,
         carriers=_carriers(story, series),
         picture=picture_figures(story),
+        alignment=_alignment(story),
+        beacons=_beacons(story),
+        sources=source_figures(story),
         losses=loss_figures(story),
         news=news(story),
         timing=timing_figures(story),
@@ -195,24 +193,28 @@ def picture_figures(story: Story) -> PictureFigures | None:
         tracks=len(last.tracks),
         objects=last.objects,
         sigma_objects=last.sigma_objects,
-        truth=_picture_truth(story),
+        truth=summarise_picture(story.picture_errors),
     )
 
 
-def _picture_truth(story: Story) -> PictureTruth | None:
-    found = summarise_picture(story.picture_errors)
-    if found is None:
-        return None
-    return PictureTruth(
-        targets=found.targets,
-        tracks=found.tracks,
-        missed=found.missed,
-        false=found.false,
-        gospa_m=found.gospa_m,
-        error_m=None if isnan(found.error_m) else found.error_m,
-        nees_per_dimension=None if isnan(found.nees) else found.nees / PLACE_DIMENSIONS,
-        identity_changes=found.identity_changes,
+def _alignment(story: Story) -> list[AlignmentSummary]:
+    told = story.alignments[-1].carriers if story.alignments else []
+    errors = alignment_of(story)
+    return [summarise_alignment(errors.get(c.carrier, []), c) for c in told]
+
+
+def alignment_of(story: Story) -> dict[str, list[AlignmentError]]:
+    """Errors of all alignments, by carrier."""
+    said = [message for messages in story.navigation.values() for message in messages]
+    return alignment_errors(
+        story.scenario, story.own, [*story.truth_carriers, *said, *story.alignments]
     )
+
+
+def _beacons(story: Story) -> list[BeaconSummary]:
+    if not story.alignments:
+        return []
+    return summarise_beacons(story.scenario, story.alignments[-1], story.true_beacons_m)
 
 
 def nees_interval() -> tuple[float, float]:
@@ -299,7 +301,7 @@ def notices(story: Story, series: Sequence[FrameSeries]) -> list[str]:
         found.append(f"Reading ended early: {story.damage}. What lies before it is shown.")
     if not story.has_truth:
         found.append("No truth is recorded: errors and NEES cannot be shown, only what is claimed.")
-    if not any(np.isfinite(s.estimate).any() for s in series):
+    if story.others and not any(np.isfinite(s.estimate).any() for s in series):
         found.append("No correction was found in this recording.")
     if not story.closings:
         found.append("No instant was closed: nothing has been fused.")

@@ -9,7 +9,7 @@ import numpy as np
 
 from estimation.arrays import Array
 
-from .labels import Mark, Side, sides
+from .labels import Box, Mark, Side, sides
 from .tracks import CarrierPicture, Scene, Track
 
 WIDTH, HEIGHT = 1000, 680
@@ -23,6 +23,9 @@ STRAY_PERCENT = 5.0
 CARRIER_PX, TARGET_PX = 13, 10
 SPACING_PX = 4.0
 """Between the points that stand for a line."""
+
+
+_SHOWN = Box(-PLOT_PX[0] / 2, -PLOT_PX[1] / 2, PLOT_PX[0] / 2, PLOT_PX[1] / 2)
 
 
 class Frame(NamedTuple):
@@ -82,7 +85,7 @@ def labels_of(scene: Scene, own: str, frame: Frame) -> Labels:
     here = [track for track in scene.found if track.last is not None]
     few = here if len(here) <= NAMED_TARGETS else ()
     found = [_mark(frame, track.way, track.name, TARGET_PX) for track in few]
-    chosen = sides([*carriers, *targets, *found], frame.on_screen(_lines(scene, frame)))
+    chosen = sides([*carriers, *targets, *found], frame.on_screen(_lines(scene, frame)), _SHOWN)
     return Labels(
         {m.text: chosen[m] for m in carriers},
         [chosen[m] for m in targets],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -50,6 +51,15 @@ class Box(NamedTuple):
             and other.top < self.bottom
         )
 
+    def within(self, other: Box) -> bool:
+        """Whether all of it is in the other."""
+        return (
+            other.left <= self.left
+            and self.right <= other.right
+            and other.top <= self.top
+            and self.bottom <= other.bottom
+        )
+
     def holds(self, points: Array) -> int:
         """How many of the points (n, 2) are in it."""
         x, y = points.T
@@ -57,19 +67,23 @@ class Box(NamedTuple):
         return int(np.count_nonzero(inside))
 
 
-def sides(marks: Sequence[Mark], lines: Array) -> dict[Mark, Side]:
+EVERYWHERE = Box(-inf, -inf, inf, inf)
+
+
+def sides(marks: Sequence[Mark], lines: Array, shown: Box = EVERYWHERE) -> dict[Mark, Side]:
     """A side for the name of every mark, chosen one after the other.
 
     Args:
         marks: those that matter most come first.
         lines: points (n, 2) [px, down] of what had better not be hidden.
+        shown: what can be seen; a name beyond it is cut off.
     """
     around = [_around(mark) for mark in marks]
     taken: list[Box] = []
     chosen: dict[Mark, Side] = {}
     for number, mark in enumerate(marks):
         others = [*taken, *around[:number], *around[number + 1 :]]
-        side, box = min(_candidates(mark), key=lambda found: _cost(found[1], others, lines))
+        side, box = min(_candidates(mark), key=lambda found: _cost(found[1], others, lines, shown))
         chosen[mark] = side
         taken.append(box)
     return chosen
@@ -87,8 +101,9 @@ def _candidates(mark: Mark) -> Iterator[tuple[Side, Box]]:
             yield Side(dx, dy, align), Box(left, bottom - height, left + width, bottom)
 
 
-def _cost(box: Box, others: Sequence[Box], lines: Array) -> float:
-    return NEIGHBOUR * sum(box.overlaps(other) for other in others) + box.holds(lines)
+def _cost(box: Box, others: Sequence[Box], lines: Array, shown: Box) -> float:
+    spoilt = sum(box.overlaps(other) for other in others) + (not box.within(shown))
+    return NEIGHBOUR * spoilt + box.holds(lines)
 
 
 def _around(mark: Mark) -> Box:

@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from crossfix.table import NOTE, PICTURE_HEADINGS, PICTURE_NOTE
+from crossfix.quantities import degrees, metres, quantity, seconds
+from crossfix.table import (
+    ALIGNMENT_NOTE,
+    NOTE,
+    PICTURE_HEADINGS,
+    PICTURE_NOTE,
+    alignment_rows,
+    applies,
+    picture_cells,
+)
 
 from .figures import CarrierFigures, Figures, TruthFigures
 from .words import (
     COUNTED,
-    applying,
-    degrees,
+    SOURCE_HEADINGS,
+    SOURCES_NOTE,
     duration,
     instant,
     losses,
-    metres,
-    picture_cells,
-    quantity,
-    seconds,
     size,
+    source_cells,
 )
 
 
@@ -40,7 +46,9 @@ def _lines(f: Figures) -> Iterator[str]:
         yield f"> {_plain(notice)}"
         yield ""
     yield from _corrections(f)
+    yield from _alignment(f)
     yield from _picture(f)
+    yield from _sources(f)
     yield from _losses(f)
     yield from _run(f)
 
@@ -65,7 +73,7 @@ def _corrections(f: Figures) -> Iterator[str]:
         )  # fmt: skip
         yield f"- {c.name}: {c.state}, {applied}{_plain(f' ({c.reason})' if c.reason else '')}"
         if c.applies:
-            yield f"- {c.name} {applying(c.said_m)}"
+            yield f"- {c.name} {applies(c.said_m)}"
     yield ""
 
 
@@ -103,6 +111,39 @@ def _picture(f: Figures) -> Iterator[str]:
         yield ""
         yield from _table(PICTURE_HEADINGS, [picture_cells(f.picture.truth)])
         yield ""
+
+
+def _alignment(f: Figures) -> Iterator[str]:
+    if not f.alignment:
+        return
+    yield "## Carriers by beacons and ranges"
+    yield ""
+    yield ALIGNMENT_NOTE
+    yield ""
+    headings = ("carrier", "error of", "reported", "found", "ratio", "sigma", "NEES/dim")
+    yield from _table(headings, [row for c in f.alignment for row in alignment_rows(c)])
+    yield ""
+    for b in f.beacons:
+        yield (
+            f"- beacon {b.beacon}: {metres(b.declared_m)} astray as declared, "
+            f"{metres(b.found_m)} as found, sigma {metres(b.sigma_m)}"
+        )
+    for c in f.alignment:
+        if c.unobservable:
+            yield f"- {c.carrier}: not observable: {_plain(', '.join(c.unobservable))}"
+    yield ""
+
+
+def _sources(f: Figures) -> Iterator[str]:
+    if not f.sources:
+        return
+    yield "## Sources"
+    yield ""
+    yield SOURCES_NOTE
+    yield ""
+    rows = [(s.carrier, s.source, *source_cells(s)) for s in f.sources]
+    yield from _table(("carrier", "source", *SOURCE_HEADINGS), rows)
+    yield ""
 
 
 def _losses(f: Figures) -> Iterator[str]:

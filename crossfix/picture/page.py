@@ -14,13 +14,23 @@ from jinja2 import Environment, StrictUndefined
 from msgspec.structs import astuple
 
 from crossfix import __version__
-from crossfix.table import NOTE, PICTURE_HEADINGS, PICTURE_NOTE
+from crossfix.quantities import degrees, metres, quantity, seconds
+from crossfix.table import (
+    ALIGNMENT_NOTE,
+    NOTE,
+    PICTURE_HEADINGS,
+    PICTURE_NOTE,
+    alignment_rows,
+    applies,
+    picture_cells,
+)
 
 from . import words
+from .alignment import alignment_map, alignment_plots
 from .clock import Clock
 from .corrections import MEAN_OF, correction_plots, error_cloud, nees_plot, state_plot
-from .errors import KEY, picture_plots
-from .figures import Figures, nees_interval
+from .errors import CURVES, picture_plots
+from .figures import Figures, alignment_of, nees_interval
 from .health import (
     FUSED,
     GRANTED,
@@ -31,9 +41,10 @@ from .health import (
     pace_plot,
     presence_plot,
 )
+from .innovations import nis_plots
 from .series import FrameSeries, presence
 from .story import Story
-from .style import FONT, FOUND, STATES, Figure, colours, time_unit
+from .style import DARK, FONT, FOUND, STATES, Figure, colours, time_unit
 from .tactical import Layer, tactical_picture
 from .tracks import scene
 
@@ -75,7 +86,13 @@ def _plots(
         plots[f"cloud/{s.carrier}"] = error_cloud(s, palette[s.carrier])
     for number, plot in enumerate(picture_plots(story, clock)):
         plots[f"error/{number}"] = plot
+    for number, plot in enumerate(nis_plots(story, clock, palette)):
+        plots[f"nis/{number}"] = plot
+    for name, errors in alignment_of(story).items():
+        for number, plot in enumerate(alignment_plots(story, errors, clock, palette[name])):
+            plots[f"alignment/{name}/{number}"] = plot
     plots |= {
+        "map": alignment_map(story, palette),
         "states": state_plot(series, clock) if series else None,
         "nees": nees_plot(series, clock, palette),
         "presence": presence_plot(presence(story), figures.news, clock, palette),
@@ -111,6 +128,9 @@ def _places(places: Mapping[str, str], figures: Figures) -> dict[str, Any]:
         "nees": places.get("nees"),
         "clouds": under("cloud/"),
         "picture_errors": under("error/"),
+        "nis": under("nis/"),
+        "alignment": [(c, under(f"alignment/{c.carrier}/")) for c in figures.alignment],
+        "map": places.get("map"),
         "presence": places.get("presence"),
         "losses": places.get("losses"),
         "timing": [places[name] for name in ("pace", "load") if name in places],
@@ -126,7 +146,7 @@ def _texts(story: Story, figures: Figures) -> dict[str, Any]:
         "carriers": f"{carriers} carriers" if carriers != 1 else "1 carrier",
         "targets": len(targets),
         "recorded": words.instant(figures.recorded_ns) if figures.recorded_ns else "some day",
-        "step": words.seconds(scenario.step_ns * 1e-9),
+        "step": seconds(scenario.step_ns * 1e-9),
         "step_s": scenario.step_ns * 1e-9,
         "epoch": words.instant(scenario.epoch_ns),
         "origin": words.place(scenario.origin.latitude_rad, scenario.origin.longitude_rad),
@@ -147,10 +167,11 @@ def _used_states(series: Sequence[FrameSeries]) -> list[tuple[str, str]]:
 
 
 _WORDS = {
-    "applying": words.applying,
-    "metres": words.metres,
-    "degrees": words.degrees,
-    "seconds": words.seconds,
+    "applying": applies,
+    "metres": metres,
+    "degrees": degrees,
+    "seconds": seconds,
+    "quantity": quantity,
     "counted": [*words.COUNTED.items()],
     "states": STATES,
     "interval": nees_interval(),
@@ -158,8 +179,14 @@ _WORDS = {
     "note": NOTE,
     "picture_note": PICTURE_NOTE,
     "picture_headings": PICTURE_HEADINGS,
-    "picture_cells": words.picture_cells,
-    "picture_key": KEY,
+    "picture_cells": picture_cells,
+    "picture_key": CURVES,
+    "alignment_note": ALIGNMENT_NOTE,
+    "alignment_rows": alignment_rows,
+    "source_headings": words.SOURCE_HEADINGS,
+    "sources_note": words.SOURCES_NOTE,
+    "source_cells": words.source_cells,
+    "dark": DARK,
     "found": FOUND,
     "font": FONT,
     "version": __version__,

@@ -34,6 +34,8 @@ class FrameSeries(NamedTuple):
         sigma: (n, 3) claimed.
         truth: (n, 3) what should be added; nan where no truth is known.
         nees: (n,) of three degrees of freedom.
+        pairs: (n,) associated pairs used; chi2: (n,) of their misclosures over `dof` (n,).
+        ratios: (n, 3) posterior over prior sigma of the directions, from the weakest on.
         states: one after the other.
         errors: as `evaluation` has them.
         place_covariance: (2, 2) of east and north as claimed, mean over the second half of the
@@ -47,6 +49,9 @@ class FrameSeries(NamedTuple):
     truth: Array
     nees: Array
     pairs: Array
+    chi2: Array
+    dof: Array
+    ratios: Array
     states: Sequence[Span]
     errors: Sequence[FrameError]
     last: Correction
@@ -95,6 +100,9 @@ def _series(
         truth=np.array([_truth(error) for error in found]),
         nees=np.array([error.nees if error else nan for error in found]),
         pairs=np.array([float(c.pairs) for c in corrections]),
+        chi2=np.array([c.chi2 if c.dof else nan for c in corrections]),
+        dof=np.array([float(c.dof) for c in corrections]),
+        ratios=np.array([_ratios(c) for c in corrections]),
         states=_states(story, corrections),
         errors=errors,
         last=corrections[-1],
@@ -110,6 +118,11 @@ def _said(correction: Correction) -> tuple[tuple[float, ...], tuple[float, ...]]
     east, north = own.east_m - own.reported_east_m, own.north_m - own.reported_north_m
     variances = (own.covariance[0], own.covariance[3], own.covariance[5])
     return (east, north, own.rotation_rad), tuple(float(v) ** 0.5 for v in variances)
+
+
+def _ratios(correction: Correction) -> tuple[float, ...]:
+    found = [direction.ratio for direction in correction.directions]
+    return (*found, *NO_OWN_AXES)[: len(NO_OWN_AXES)]
 
 
 def _place_covariance(corrections: Sequence[Correction]) -> Array:

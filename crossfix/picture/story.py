@@ -8,11 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from crossfix.table import own_carrier
-from crossfix.tracking_errors import Judge, PictureError
+from crossfix.evaluation import Judge, PictureError, true_beacons_m
+from crossfix.evaluation.recordings import own_carrier
+from estimation.arrays import Array
 from schemas import keys
 from schemas import messages as m
 from schemas.errors import RecordingError, WireError
+from schemas.recording.contents import truth_of
 from schemas.recording.reader import Recorded, Summary, open_recording, summary
 
 from .thinning import Thinned
@@ -39,6 +41,9 @@ class Story(NamedTuple):
         truth_carriers: empty where the run was no simulation.
         pictures: thinned; last_picture: the last of all, None where there is none.
         picture_errors: of every picture of which the truth is known.
+        alignments: what beacons and ranges tell.
+        true_beacons_m: (3,) of each, where the truth is known.
+        qualities: how each source did.
         flags: what looked wrong with a source, and at how many Closed messages.
         unreadable: messages that could not be decoded.
         damage: where reading ended before the file did; empty if it did not.
@@ -58,6 +63,9 @@ class Story(NamedTuple):
     pictures: Thinned[m.Tracks]
     last_picture: m.Tracks | None
     picture_errors: Sequence[PictureError]
+    alignments: Sequence[m.Alignment]
+    true_beacons_m: Mapping[str, Array]
+    qualities: Sequence[m.Quality]
     closings: Sequence[m.Closed]
     health: Sequence[m.Health]
     states: Mapping[str, Sequence[m.ProcessState]]
@@ -102,7 +110,7 @@ def read_story(path: Path) -> Story:
     damage = ""
     with open_recording(path) as recording:
         scenario = recording.scenario
-        teller = _Teller(scenario)
+        teller = _Teller(scenario, true_beacons_m(truth_of(recording.attachments)))
         try:
             for message in recording.messages(topics=_TOLD):
                 teller.hear(message)
@@ -114,8 +122,8 @@ def read_story(path: Path) -> Story:
 class _Teller:
     """Takes messages in and sorts them."""
 
-    def __init__(self, scenario: m.DeclaredScenario) -> None:
-        self._scenario = scenario
+    def __init__(self, scenario: m.DeclaredScenario, true_beacons: Mapping[str, Array]) -> None:
+        self._scenario, self._true_beacons_m = scenario, true_beacons
         self._judge = Judge(scenario, own_carrier(scenario))
         self._picture_errors: list[PictureError] = []
         self._pictures = Thinned[m.Tracks](TRACK_POINTS)
@@ -126,6 +134,8 @@ class _Teller:
         self._corrections: dict[str, list[m.Correction]] = defaultdict(list)
         self._truth_carriers: list[m.TruthCarriers] = []
         self._truth_targets = Thinned[m.TruthTargets](TARGET_POINTS)
+        self._alignments: list[m.Alignment] = []
+        self._qualities: list[m.Quality] = []
         self._closings: list[m.Closed] = []
         self._health: list[m.Health] = []
         self._states: dict[str, list[m.ProcessState]] = defaultdict(list)
@@ -145,6 +155,7 @@ class _Teller:
             keys.STATE: lambda s: self._states[s.process].append(s),
             keys.EVENT: self._events.append,
             keys.QUALITY: self._hear_quality,
+            keys.ALIGNMENT: self._alignments.append,
         }
 
     def hear(self, message: Recorded) -> None:
@@ -182,6 +193,9 @@ class _Teller:
             pictures=self._pictures,
             last_picture=self._last_picture,
             picture_errors=self._picture_errors,
+            alignments=self._alignments,
+            true_beacons_m=self._true_beacons_m,
+            qualities=self._qualities,
             closings=closings,
             health=self._health,
             states=dict(self._states),
@@ -224,6 +238,7 @@ class _Teller:
             return None
 
     def _hear_quality(self, quality: m.Quality) -> None:
+        self._qualities.append(quality)
         for source in quality.sources:
             if source.flag:
                 self._flags[source.carrier, source.source, source.flag] += 1
@@ -232,5 +247,5 @@ class _Teller:
 _TOLD = (
     keys.NAVIGATION, keys.SOURCE, keys.REPORT, keys.CORRECTION, keys.TRUTH_CARRIERS,
     keys.TRUTH_TARGETS, keys.TRACK, keys.CLOSED_FUSION, keys.HEALTH, keys.STATE, keys.EVENT,
-    keys.QUALITY,
+    keys.QUALITY, keys.ALIGNMENT,
 )  # fmt: skip

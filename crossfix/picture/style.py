@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from bokeh.models import BoxZoomTool, HoverTool, PanTool, ResetTool, WheelZoomTool
+from bokeh.models import BasicTicker, BoxZoomTool, HoverTool, PanTool, ResetTool, WheelZoomTool
 from bokeh.plotting import figure
 
 from estimation.arrays import Array
@@ -37,10 +37,28 @@ def colours(carriers: Sequence[str]) -> dict[str, str]:
     return {name: CARRIERS[n % len(CARRIERS)] for n, name in enumerate(carriers)}
 
 
+def mixed(colour: str, ground: str, share: float) -> str:
+    """A colour `#rrggbb`, so much of it, on a ground."""
+    pairs = (int(c[n : n + 2], 16) for n in (1, 3, 5) for c in (colour, ground))
+    return "#" + "".join(
+        f"{round(share * over + (1 - share) * under):02x}"
+        for over, under in zip(pairs, pairs, strict=True)
+    )
+
+
 def pale(colour: str) -> str:
     """A colour `#rrggbb` mixed with white."""
-    channels = (int(colour[n : n + 2], 16) for n in (1, 3, 5))
-    return "#" + "".join(f"{round(255 - PALE * (255 - c)):02x}" for c in channels)
+    return mixed(colour, PAPER, PALE)
+
+
+_DARK_PAPER, _LIGHTER = "#17212d", 0.62
+DARK = {
+    INK: "#e6edf5", FAINT: "#9aabbd", GRID: "#2c3a4b", PAPER: _DARK_PAPER, SEA: "#121b26",
+    TRUTH: "#f1f5f9", "white": _DARK_PAPER, "#b6c0cc": "#4a5a6c",
+    **{colour: mixed(colour, PAPER, _LIGHTER) for colour in (*CARRIERS, FOUND)},
+    **{pale(colour): mixed(colour, _DARK_PAPER, 0.6) for colour in (*CARRIERS, FOUND)},
+}  # fmt: skip
+"""Where a reader wants a dark page: a colour -> what stands for it there."""
 
 
 class TimeUnit(NamedTuple):
@@ -70,8 +88,8 @@ def new_figure(height: int, **options: Any) -> Figure:
         tools=options.pop("tools", tools),
         toolbar_location="right",
         output_backend="canvas",
-        background_fill_color=PAPER,
-        border_fill_color=PAPER,
+        background_fill_color=None,
+        border_fill_color=None,
         outline_line_color=GRID,
         min_border_left=62,
         min_border_right=16,
@@ -91,6 +109,12 @@ def new_figure(height: int, **options: Any) -> Figure:
         plot.title.text_color, plot.title.text_font = INK, FONT
         plot.title.text_font_size, plot.title.text_font_style = "13px", "bold"
     return plot
+
+
+def whole_numbers(plot: Figure) -> None:
+    """A y axis of counts: from 0, and no halves."""
+    plot.y_range.start = 0
+    plot.yaxis.ticker = BasicTicker(min_interval=1)
 
 
 def hover(renderers: Sequence[Any], tooltips: Any, **options: Any) -> Any:

@@ -25,7 +25,7 @@ from schemas.messages import (
     Step,
     TruthScenario,
 )
-from schemas.recording.contents import TRUTH
+from schemas.recording.contents import truth_of
 from schemas.recording.reader import Recorded, Recording
 
 from .player import Outlet
@@ -56,7 +56,9 @@ class World:
     def __init__(self, member: Member, recording: Recording, speak: Outlet) -> None:
         self._member, self._speak = member, speak
         self._scenario: DeclaredScenario = recording.scenario
-        self._truth = _truth(recording)
+        self._truth = truth_of(recording.attachments) or TruthScenario(
+            name=recording.scenario.name, seed=0, text=""
+        )
         closings = list(_closings(recording))
         if not closings:
             raise RecordingError("nothing was fused in this recording", expected="closed/fusion")
@@ -209,13 +211,6 @@ def _events(recording: Recording) -> dict[int, list[Event]]:
         event = codec.decode(Event, message.payload, message.encoding)
         events.setdefault(event.step, []).append(event)
     return {step: sorted(some, key=lambda event: event.seq) for step, some in events.items()}
-
-
-def _truth(recording: Recording) -> TruthScenario:
-    """As attached; an empty one where the truth was not known."""
-    if TRUTH in recording.attachments:
-        return codec.decode(TruthScenario, recording.attachments[TRUTH].data, "json")
-    return TruthScenario(name=recording.scenario.name, seed=0, text="")
 
 
 def _names(bus: Bus, run: str) -> set[str]:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
-from ..codec import encode_json
+from ..codec import decode, encode_json
 from ..errors import RecordingError
 from ..json_schema import MESSAGES, VERSION, exported
 from ..messages import DeclaredScenario, TruthScenario
@@ -94,6 +94,12 @@ def run_attachments(
     if truth is not None:
         files[TRUTH] = encode_json(truth)
     return [Attachment(name, "application/json", data) for name, data in files.items() if data]
+
+
+def truth_of(attachments: Mapping[str, Attachment]) -> TruthScenario | None:
+    """The truth part of the scenario; None where it was not known."""
+    file = attachments.get(TRUTH)
+    return None if file is None else decode(TruthScenario, file.data, "json")
 
 
 def schemas_attachment() -> Attachment:

@@ -48,6 +48,13 @@ def test_two_marks_in_one_place_have_both_names_to_be_read() -> None:
     assert not first.overlaps(second)
 
 
+def test_a_name_is_not_cut_off_at_the_edge_of_the_picture() -> None:
+    shown = Box(-100, -100, 100, 100)
+    for x, y in ((95, 0), (-95, 0), (95, 95), (-95, -95)):
+        mark = Mark(x, y, "ship", 10)
+        assert box_of(mark, sides([mark], NOTHING, shown)[mark]).within(shown)
+
+
 # the frame
 
 

@@ -14,7 +14,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
+from crossfix.evaluation import CUTOFF_M, names_changed, picture_errors
+from crossfix.evaluation.recordings import frame_summaries, picture_summary
 from crossfix.picture.figures import Figures, nees_interval
 from crossfix.picture.markdown import markdown_page
 from crossfix.picture.report import read_figures, write_page
@@ -22,11 +25,9 @@ from crossfix.picture.series import frame_series, presence
 from crossfix.picture.story import Story, read_story
 from crossfix.picture.thinning import Thinned, stride
 from crossfix.picture.tracks import Scene, Track, scene
-from crossfix.picture.words import picture_cells
-from crossfix.table import frame_summaries, picture_summary
-from crossfix.table import picture_cells as table_cells
 from estimation.arrays import Array
 from estimation.consistency import mean_interval
+from estimation.metrics import identity_changes
 from schemas import keys
 from tests.crossfix import report_recordings as recordings
 from tests.crossfix.conftest import Crossfix
@@ -92,8 +93,7 @@ def test_picture_is_that_of_the_table(whole: Path, blind: Path) -> None:
     assert figures.picture is not None
     truth = figures.picture.truth
     assert truth is not None
-    assert (truth.gospa_m, truth.error_m) == (summary.gospa_m, summary.error_m)
-    assert picture_cells(truth) == table_cells(summary)
+    assert truth == summary
     unseen = read_figures(blind).picture
     assert unseen is not None
     assert unseen.tracks == figures.picture.tracks > 0
@@ -101,6 +101,33 @@ def test_picture_is_that_of_the_table(whole: Path, blind: Path) -> None:
     assert abs(unseen.objects - unseen.tracks) < 1
     assert 0 < unseen.sigma_objects < 1
     assert picture_summary(blind) is None
+
+
+def test_parts_of_gospa_add_up_in_squares_at_every_instant(story: Story) -> None:
+    known = [*story.truth_targets, *story.truth_carriers, *story.navigation[story.own]]
+    halved = [
+        replace(picture, tracks=[*picture.tracks[::2], replace(picture.tracks[0], id="false")])
+        for picture in story.pictures
+        if picture.tracks
+    ]
+    errors = picture_errors(story.scenario, story.own, [*known, *halved])
+    assert {error.missed > 0 and error.false > 0 for error in errors} == {True}
+    for error in errors:
+        parts = error.localisation_m**2 + error.missed_m**2 + error.false_m**2
+        assert parts == pytest.approx(error.gospa_m**2)
+        assert error.missed_m**2 == pytest.approx(error.missed * CUTOFF_M**2 / 2)
+
+
+def test_names_changed_so_far_end_with_their_whole_number(story: Story) -> None:
+    errors = [
+        error._replace(pairs=tuple((target, track[: n % 3]) for target, track in error.pairs))
+        for n, error in enumerate(story.picture_errors)  # names that change often
+    ]
+    held = [(n, *pair) for n, error in enumerate(errors) for pair in error.pairs]
+    steps, targets, tracks = (np.array(column) for column in zip(*held, strict=True))
+    so_far = names_changed(errors)
+    assert so_far[-1] == identity_changes(steps, targets, tracks) > 0
+    assert (np.diff(so_far) >= 0).all()
 
 
 def test_no_picture_is_no_figure(folder: Path, whole: Path) -> None:

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from crossfix.commands.run import RunOptions
 from crossfix.evaluation import frame_errors
-from crossfix.table import frame_summaries
+from crossfix.evaluation.recordings import frame_summaries
 from examples import external_publisher as example
 from schemas import keys
 from schemas.messages import Closed, Correction, SourceReport, TruthCarriers

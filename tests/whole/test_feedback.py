@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from crossfix.evaluation import true_frame
+from crossfix.evaluation.recordings import frame_summaries
 from crossfix.picture.axes import Axes
 from crossfix.picture.figures import figures_of
 from crossfix.picture.logs import Names, logs_of
 from crossfix.picture.series import frame_series
 from crossfix.picture.story import read_story
-from crossfix.table import frame_summaries
 from estimation.consistency import nees
 from estimation.frames import Site, target_from_source, wrap_pi
 from fusion_center.navigation import symmetric

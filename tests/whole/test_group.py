@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from bench.in_process import Played, played
 from bench.navigation.live import Errors, errors
-from crossfix.tracking_errors import picture_errors
+from crossfix.evaluation import picture_errors
 from fusion_center import pipeline
 from fusion_center.group import frames
 from fusion_center.relative_frames.links import navigated

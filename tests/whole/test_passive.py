@@ -10,8 +10,13 @@ import pytest
 from msgspec.structs import replace
 
 from bench.in_process import Played, played
-from crossfix.evaluation import FrameError, frame_errors
-from crossfix.tracking_errors import PictureSummary, picture_errors, summarise_picture
+from crossfix.evaluation import (
+    FrameError,
+    PictureSummary,
+    frame_errors,
+    picture_errors,
+    summarise_picture,
+)
 from estimation.consistency import mean_interval
 from fusion_center import pipeline
 from fusion_center.settings import settings_from

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench.in_process import Played, played
-from crossfix.tracking_errors import PictureError, picture_errors, summarise_picture
+from crossfix.evaluation import PictureError, picture_errors, summarise_picture
 from fusion_center.state import pack, unpack
 from schemas.messages import Navigation, Tracks
 from sim_world.scenario import Scenario, load_scenario, with_overrides
@@ -46,7 +46,9 @@ def test_every_target_is_shown_once_and_as_wrong_as_it_says(strait: list[Played]
     assert found.false < 0.2
     assert found.identity_changes == 0
     assert found.error_m < 20  # one plot has 50 m at the middle of the scene
-    assert 0.4 < found.nees / 2 < 1.3  # careful: a ship goes straighter than is allowed for
+    assert (
+        0.4 < found.nees_per_dimension < 1.3
+    )  # careful: a ship goes straighter than is allowed for
 
 
 def test_registered_frames_are_as_good_as_known_ones(strait: list[Played]) -> None:

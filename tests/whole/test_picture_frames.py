@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from bench.in_process import played
-from crossfix.tracking_errors import PictureError, picture_errors
+from crossfix.evaluation import PictureError, picture_errors
 from schemas.messages import Navigation, Tracks
 from sim_world.scenario import load_scenario, with_overrides
 

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 import carriers.reports
 from bench.in_process import played
 from bench.registration.tracking_sources import frames, tracking
-from crossfix.tracking_errors import PictureSummary, summarise_picture
+from crossfix.evaluation import PictureSummary, summarise_picture
 from tests.whole.test_picture import judged
 
 STEPS, FRAME_STEPS = 60, 40
@@ -28,7 +28,7 @@ def test_increments_and_filters_are_as_good_as_plots(report: str) -> None:
     found = summary(report)
     assert found.missed + found.false < 0.3
     assert found.error_m < 40  # the own radar alone; one of its plots has 50 m
-    assert 0.4 < found.nees / 2 < 1.3  # as of plots
+    assert 0.4 < found.nees_per_dimension < 1.3  # as of plots
 
 
 def test_frames_from_increments_are_those_from_plots() -> None:
@@ -54,4 +54,4 @@ def test_tracks_without_a_filter_are_never_believed_too_much(
     found = summary("track")
     assert found.missed + found.false < 0.3
     assert found.error_m < 60
-    assert found.nees / 2 < 1.1
+    assert found.nees_per_dimension < 1.1

@@ -157,8 +157,8 @@ def true_frame(
     places, as the correction has it.
     """
     own_index, other_index = truth.carrier.index(own), truth.carrier.index(other)
-    own_site = site_at(origin, _place_m(truth, own_index, t_ns))
-    other_site = site_at(origin, _place_m(truth, other_index, t_ns))
+    own_site = site_at(origin, place_at(truth, own_index, t_ns))
+    other_site = site_at(origin, place_at(truth, other_index, t_ns))
     own_from_other = target_from_source(own_site, other_site)
     fixed = own_from_other.translation_m[:2]
     c1, c2 = truth.north_error_rad[own_index], truth.north_error_rad[other_index]
@@ -234,8 +234,8 @@ def _error(
     )
 
 
-def _place_m(truth: TruthCarriers, index: int, t_ns: int) -> np.ndarray:
-    """Where a carrier is when its own clock shows an instant: so its messages are stamped."""
+def place_at(truth: TruthCarriers, index: int, t_ns: int) -> np.ndarray:
+    """Where (3,) a carrier is when its own clock shows an instant: so its messages are stamped."""
     clock_s = truth.clock_offset_s[index] if truth.clock_offset_s else 0.0
     passed_s = (t_ns - truth.t_ns) * 1e-9 - clock_s
     way = np.array(truth.velocity_mps[index]) * passed_s

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from bisect import bisect_right, insort
 from collections.abc import Iterable, Iterator, Sequence
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from estimation.frames import (
     Site,
@@ -20,7 +22,7 @@ from estimation.frames import (
     site_at,
     target_from_source,
 )
-from estimation.metrics import gospa, identity_changes, matched, matched_nees
+from estimation.metrics import gospa, matched, matched_nees
 from schemas.messages import (
     DeclaredScenario,
     Navigation,
@@ -30,13 +32,16 @@ from schemas.messages import (
     TruthTargets,
 )
 
-from .evaluation import symmetric
+from .frames import symmetric
 
 CUTOFF_M = 500.0
 """GOSPA's c: a track further from all targets is false, a target further from all tracks missed."""
 
 KEPT = 4_096
 """Steps of the truth, and poses, that pictures may still be compared with."""
+
+PLACE_DIMENSIONS = 2
+"""Of a place in the picture."""
 
 Known = Tracks | TruthTargets | TruthCarriers | Navigation
 
@@ -46,7 +51,8 @@ class PictureError(NamedTuple):
 
     Attributes:
         gospa_m: p = 2, alpha = 2, c = `CUTOFF_M`.
-        missed, false, matched: objects.
+        localisation_m, missed_m, false_m: its parts, that add up in squares.
+        missed, false: objects.
         error_m: root mean square of the matched tracks; nan without any.
         sigma_m: what the matched tracks claim, root of their mean summed variances.
         nees: mean over matched tracks of their places, two degrees of freedom each.
@@ -58,6 +64,9 @@ class PictureError(NamedTuple):
     targets: int
     tracks: int
     gospa_m: float
+    localisation_m: float
+    missed_m: float
+    false_m: float
     missed: int
     false: int
     error_m: float
@@ -66,17 +75,29 @@ class PictureError(NamedTuple):
     pairs: tuple[tuple[int, str], ...]
 
 
-class PictureSummary(NamedTuple):
-    """Over the second half of a run, when the frames have converged; nan where nothing was."""
+class PictureSummary(Struct, frozen=True, kw_only=True):
+    """Over the second half of a run, when the frames have converged; nan where nothing was.
+
+    Attributes:
+        pictures: that were judged; all that follows are means over them.
+        gospa_m: and the root mean squares of its parts, that add up in squares.
+        error_m: root mean square of the places of tracks; sigma_m: what they claim.
+        nees_per_dimension: of those places; 1 where their covariance is honest.
+        identity_changes: how often a target was taken over by another track, in all.
+    """
 
     pictures: int
     targets: float
     tracks: float
-    gospa_m: float
     missed: float
     false: float
+    gospa_m: float
+    localisation_m: float
+    missed_m: float
+    false_m: float
     error_m: float
-    nees: float
+    sigma_m: float
+    nees_per_dimension: float
     identity_changes: int
 
 
@@ -93,23 +114,34 @@ def summarise_picture(errors: Sequence[PictureError]) -> PictureSummary | None:
     late = errors[len(errors) // 2 :]
     if not late:
         return None
-    pairs = [(n, target, track) for n, e in enumerate(late) for target, track in e.pairs]
-    steps, targets, tracks = zip(*pairs, strict=True) if pairs else ((), (), ())
-    names = {name: number for number, name in enumerate(sorted(set(tracks)))}
-    changes = identity_changes(
-        np.array(steps), np.array(targets), np.array([names[name] for name in tracks])
-    )
+    nees = [error.nees for error in late if error.pairs]
     return PictureSummary(
         pictures=len(late),
-        targets=float(np.mean([e.targets for e in late])),
-        tracks=float(np.mean([e.tracks for e in late])),
-        gospa_m=float(np.mean([e.gospa_m for e in late])),
-        missed=float(np.mean([e.missed for e in late])),
-        false=float(np.mean([e.false for e in late])),
-        error_m=float(np.sqrt(np.nanmean([e.error_m**2 for e in late]))) if pairs else float("nan"),
-        nees=float(np.nanmean([e.nees for e in late])) if pairs else float("nan"),
-        identity_changes=changes,
+        targets=_mean([e.targets for e in late]),
+        tracks=_mean([e.tracks for e in late]),
+        missed=_mean([e.missed for e in late]),
+        false=_mean([e.false for e in late]),
+        gospa_m=_mean([e.gospa_m for e in late]),
+        localisation_m=_rms([e.localisation_m for e in late]),
+        missed_m=_rms([e.missed_m for e in late]),
+        false_m=_rms([e.false_m for e in late]),
+        error_m=_rms([e.error_m for e in late if e.pairs]),
+        sigma_m=_rms([e.sigma_m for e in late if e.pairs]),
+        nees_per_dimension=_mean(nees) / PLACE_DIMENSIONS,
+        identity_changes=int(names_changed(late)[-1]),
     )
+
+
+def names_changed(errors: Sequence[PictureError]) -> np.ndarray:
+    """How often until each picture (n,) a target was taken over by another track."""
+    changes = np.zeros(len(errors), dtype=int)
+    held: dict[int, str] = {}
+    for n, error in enumerate(errors):
+        pairs = dict(error.pairs)
+        changes[n] = sum(held.get(target, track) != track for target, track in pairs.items())
+        held |= pairs
+    total: np.ndarray = np.cumsum(changes)
+    return total
 
 
 class Judge:
@@ -189,6 +221,14 @@ class Judge:
         return target_from_source(self._origin, believed).apply(enu)[:, :2]
 
 
+def _mean(values: Sequence[float]) -> float:
+    return float(np.mean(values)) if values else float("nan")
+
+
+def _rms(values: Sequence[float]) -> float:
+    return sqrt(_mean([value**2 for value in values]))
+
+
 def _claimed_m(spread: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.trace(spread[:, :2, :2], axis1=1, axis2=2))))
 
@@ -210,6 +250,9 @@ def _compared(picture: Tracks, number: list[int], true: np.ndarray) -> PictureEr
         targets=len(true),
         tracks=len(found),
         gospa_m=float(score.distance),
+        localisation_m=float(score.localisation),
+        missed_m=float(score.missed),
+        false_m=float(score.false),
         missed=len(true) - len(pairs.truth),
         false=len(found) - len(pairs.truth),
         error_m=float(np.sqrt(np.mean((apart**2).sum(axis=1)))) if len(apart) else float("nan"),
