@@ -13,6 +13,7 @@ FRAME_NAMES = ("location east", "location north", "orientation")
 Status = Literal["determined", "weak", "undetermined"]
 
 _DETERMINED, _WEAK = 0.5, 0.9  # posterior sigma over prior sigma
+_UNNOTICED = 0.5  # of the sigma of one plot: whoever joins it to others hardly sees the difference
 _SAYS = 1e-3  # prior sigmas by data sigmas below which the data say nothing
 _PART = 0.15  # share of a direction's motion from which a parameter is named
 _PURE = 0.8  # share of the prior-scaled motion above which a direction is named by one part alone
@@ -24,7 +25,8 @@ class Direction(NamedTuple):
     Attributes:
         name: in words, "location along 040 deg", "orientation", or both "together".
         ratio: posterior over prior sigma along it; 1 = nothing learnt.
-        status: determined (ratio < .5), weak (< .9) or undetermined.
+        status: determined (ratio < .5, or less is open than half the sigma of a plot), weak (< .9)
+            or undetermined.
         motion: (3,) the displacement of (q, D) [m, m, rad] of one prior sigma along it.
     """
 
@@ -38,8 +40,8 @@ class Direction(NamedTuple):
         return f"{self.name} is {self.status}: {self.ratio:.2g} of the prior sigma"
 
 
-def directions(posterior: Array, prior: Array) -> list[Direction]:
-    """Principal directions of a correction, the least determined first.
+def directions(posterior: Array, prior: Array, plot: Array | None = None) -> list[Direction]:
+    """Principal directions of a correction, the least determined first; see `Direction.status`.
 
     The ratios are the square roots of the generalised eigenvalues of (posterior, prior), so they
     depend neither on units nor on the choice of axes.
@@ -47,6 +49,8 @@ def directions(posterior: Array, prior: Array) -> list[Direction]:
     Args:
         posterior: (3, 3) covariance of (q, D), east m, north m, rad.
         prior: (3, 3) covariance before the data, positive definite.
+        plot: (3, 3) information of one plot on (q, D), were the place of its target known. What is
+            known so well that a plot would not tell need not be learnt from data.
 
     Raises:
         ValueError: the prior is not positive definite, so there is nothing to compare with.
@@ -62,7 +66,11 @@ def directions(posterior: Array, prior: Array) -> list[Direction]:
     whitener = np.linalg.inv(root)
     shrunk = whitener @ posterior @ whitener.T
     principal = np.linalg.eigh(shrunk.round(12))[1].T[::-1]
-    return [_direction(axis, shrunk, root, sigmas) for axis in principal]
+    found = [_direction(axis, shrunk, root, sigmas) for axis in principal]
+    if plot is None:
+        return found
+    judged = [_against(direction, plot) for direction in found]
+    return sorted(judged, key=lambda direction: direction.status == "determined")
 
 
 def _direction(axis: Array, shrunk: Array, root: Array, sigmas: Array) -> Direction:
@@ -70,6 +78,13 @@ def _direction(axis: Array, shrunk: Array, root: Array, sigmas: Array) -> Direct
     ratio = float(np.sqrt(axis @ shrunk @ axis))
     motion = root @ axis
     return Direction(_name(motion, sigmas), ratio, _status(ratio), motion)
+
+
+def _against(direction: Direction, plot: Array) -> Direction:
+    """The same; determined where one plot would not tell what is left open."""
+    left = direction.ratio * direction.motion
+    unnoticed = left @ plot @ left < _UNNOTICED**2
+    return direction._replace(status="determined") if unnoticed else direction
 
 
 def _status(ratio: float) -> Status:

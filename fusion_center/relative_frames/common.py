@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from estimation.arrays import transposed
+from estimation.arrays import Array, transposed
 from estimation.frames import rotation_clockwise
 from estimation.relative_frame import NetworkLogs, OwnAxesFrame, PolarLogs
 
@@ -89,6 +89,23 @@ def in_own_axes(view: View, frame: OwnAxesFrame) -> Sightings:
         plain.altitude_m,
         plain.features,
     )
+
+
+def told_by_a_plot(view: View) -> Array | None:
+    """What one plot of a carrier tells of its frame, were the place of its target known.
+
+    Its newest plots stand for those that may come from anywhere about it: each is turned all
+    around, on average over which place and turn tell nothing of each other.
+
+    Returns:
+        (3, 3) information on (q, D); None without any plot.
+    """
+    if not view.log:
+        return None
+    weight = np.linalg.inv(view.plot_covariance)
+    across = np.stack([view.plot_m[:, 1], -view.plot_m[:, 0]], axis=1)
+    place = float(np.trace(weight, axis1=1, axis2=2).mean()) / 2
+    return np.diag([place] * 2 + [float(np.einsum("ni,nij,nj->n", across, weight, across).mean())])
 
 
 def network_logs(views: Sequence[View], targets: Sequence[Target]) -> NetworkLogs:

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
+from estimation.arrays import Array
 from estimation.frames import RigidTransform, target_from_source, wrap_pi
 from estimation.relative_frame import (
     OwnAxesFrame,
@@ -54,9 +55,14 @@ def estimated(
     between: Poses,
     misclosure: Misclosure,
     method: str,
+    plot: Array | None = None,
 ) -> Estimate:
-    """A frame found at an instant, with its directions against what navigation knew."""
-    found = directions(frame.covariance, prior_in_own_axes(prior).covariance)
+    """A frame found at an instant, with its directions against what navigation knew.
+
+    Args:
+        plot: what one plot tells of the frame, see `directions`.
+    """
+    found = directions(frame.covariance, prior_in_own_axes(prior).covariance, plot)
     return Estimate(
         valid_t_ns=between.t_ns,
         own_pose=between.own,

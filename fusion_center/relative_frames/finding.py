@@ -1,7 +1,7 @@
 """A frame that is not yet known: searched for at a report event, and perhaps found.
 
 First against the own carrier; where that shares too few targets, against each carrier whose frame
-is followed already.
+is followed already. Where nobody shares any, what navigation says may be enough (`surveyed`).
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ from estimation.relative_frame.situation import reasons
 from ..quality import MOST_NIS, Tally
 from ..sources.telling import telling
 from ..state import Estimate, Link, State
-from . import corrections, frames, monitor, registration, search
+from . import corrections, frames, monitor, registration, search, surveyed
 from .association import Pair
+from .common import told_by_a_plot
 from .corrections import Misclosure
 from .moment import Moment
 from .monitor import MAX_REASON
@@ -71,6 +72,8 @@ def with_search(state: State, moment: Moment, name: str, tally: Tally) -> State:
     if link.tries >= EAGER and link.events % PATIENT:
         return _with(state, name, link)
     found, start = _tried(state, moment, name)
+    if start is None and link.tries + 1 >= EAGER and link.monitor.state == "observing":
+        start = _as_navigated(state, moment, name)
     estimate = start.estimate if start else None
     judged, _ = monitor.after_registration(
         link.monitor,
@@ -95,6 +98,15 @@ def with_search(state: State, moment: Moment, name: str, tally: Tally) -> State:
     known = frames.forgotten(state.frames, name)
     known = frames.joined_by(state, known, name, start.frame, moment.t_ns, start.through)
     return _with(replace(state, frames=known), name, link)
+
+
+def _as_navigated(state: State, moment: Moment, name: str) -> Start | None:
+    """A frame that needs no targets, where none contradict it."""
+    known = surveyed.known_beforehand(moment, name)
+    if known is None or surveyed.contradicted(state, moment, name):
+        return None
+    known = corrections.within_bounds(replace(known, since_t_ns=moment.t_ns))
+    return Start(state.own, corrections.frame_of(known), known, [], np.zeros(0), "")
 
 
 def _tried(state: State, moment: Moment, name: str) -> tuple[Found, Start | None]:
@@ -156,8 +168,9 @@ def _against(state: State, moment: Moment, name: str, base: Base) -> tuple[Found
 def _adjusted(state: State, moment: Moment, name: str, base: Base, found: Found) -> Start:
     """The frame of these pairs, exactly, and as it is in own axes."""
     other, between = moment.others[name], moment.between[name]
+    plot = told_by_a_plot(other)
     seen, nis = registration.register(
-        base.view, other, found.pairs, base.prior, between, "adjustment"
+        base.view, other, found.pairs, base.prior, between, "adjustment", plot
     )
     seen = corrections.within_bounds(seen)
     frame, estimate = corrections.frame_of(seen), seen
@@ -166,7 +179,13 @@ def _adjusted(state: State, moment: Moment, name: str, base: Base, found: Found)
         own, _, _ = composed(frames.frame_of(state.frames, base.name), frame)
         misclosure = Misclosure(seen.pairs, seen.chi2, seen.dof)
         estimate = corrections.estimated(
-            own, in_fixed_axes(own, prior), prior, between, misclosure, "joint"
+            own,
+            in_fixed_axes(own, prior),
+            prior,
+            between,
+            misclosure,
+            "joint",
+            plot,
         )
     estimate = replace(
         estimate, method="joint", mode_probability=found.probability, since_t_ns=moment.t_ns

@@ -17,16 +17,16 @@ from msgspec.structs import replace
 from estimation.arrays import Array
 from estimation.consistency import nees
 from estimation.frames import wrap_pi
-from estimation.relative_frame import Drift, OwnAxesFrame, in_fixed_axes
+from estimation.relative_frame import Drift, OwnAxesFrame, directions, in_fixed_axes
 from estimation.relative_frame.joint import JointFrames
 from schemas.messages import SourceTerm
 
 from ..quality import MOST_NIS, Tally
 from ..sources.telling import telling
 from ..state import Estimate, Frames, Link, Monitor, State
-from . import corrections, frames, monitor, scans, search, watching
+from . import corrections, frames, monitor, scans, search, surveyed, watching
 from .association import Pair
-from .common import Target, common_targets, network_logs
+from .common import Target, common_targets, network_logs, told_by_a_plot
 from .corrections import Misclosure
 from .moment import Moment
 from .scans import Followed, Scan
@@ -37,6 +37,8 @@ CONTRADICTION = 25.0
 """Chi2 of 3 dof beyond which a search has found another frame than the one followed."""
 LEAST_USUAL = 2.0
 """Pairs at an event, on average, from which half of them can be missed."""
+NEEDS_NO_PAIRS = 0.9
+"""Share of the prior sigma from which a direction is not known by its pairs, if it is known."""
 FORGETTING = 0.1
 """Weight of the newest event in that average."""
 MOST_VALID_S = 1e6
@@ -89,6 +91,7 @@ def _limits(false_alarm: float) -> list[float]:
 def _judged(state: State, moment: Moment, name: str, scan: Scan | None, only_named: bool) -> State:
     """The state after what one carrier's plots had to say."""
     link: Link = replace(state.links[name], events=state.links[name].events + 1)
+    state = state if scan else _no_less_sure_than_navigation(state, moment, name)
     known = state.frames
     assert known is not None  # noqa: S101
     frame = frames.frame_of(known, name)
@@ -108,9 +111,28 @@ def _judged(state: State, moment: Moment, name: str, scan: Scan | None, only_nam
     return _with(state, name, replace(link, usual_pairs=usual))
 
 
+def _no_less_sure_than_navigation(state: State, moment: Moment, name: str) -> State:
+    """The state in which a frame that nobody has seen for long is what navigation says of it.
+
+    Only where that is enough (`surveyed`): else what targets have told is to be remembered.
+    """
+    found, known = surveyed.known_beforehand(moment, name), state.frames
+    if found is None or known is None:
+        return state
+    before, navigated = frames.frame_of(known, name), corrections.frame_of(found)
+    if directions(before.covariance, navigated.covariance)[0].ratio <= 1:
+        return state
+    joint = frames.joint(known).with_frame(frames.row(known, name), navigated)
+    return replace(state, frames=frames.improved(known, joint))
+
+
 def _monitored(state: State, link: Link, estimate: Estimate, scan: Scan | None) -> Monitor:
-    """How far the correction has come; an event without a pair changes nothing but doubt."""
-    if scan is None and estimate.directions[0].status == "determined":
+    """How far the correction has come; an event without a pair changes nothing but doubt.
+
+    A frame that needs no pairs (`surveyed`) is as good at every event.
+    """
+    known = estimate.directions[0]
+    if scan is None and known.status == "determined" and known.ratio < NEEDS_NO_PAIRS:
         return link.monitor
     judged, _ = monitor.after_registration(link.monitor, estimate, state.settings.monitor)
     return judged
@@ -158,8 +180,9 @@ def _estimate(
 ) -> Estimate:
     """A frame as it is published."""
     prior = moment.prior[name]
+    plot = told_by_a_plot(moment.others[name])
     estimate = corrections.estimated(
-        frame, in_fixed_axes(frame, prior), prior, moment.between[name], misclosure, "joint"
+        frame, in_fixed_axes(frame, prior), prior, moment.between[name], misclosure, "joint", plot
     )
     known, link = state.frames, state.links[name]
     assert known is not None  # noqa: S101

@@ -107,6 +107,8 @@ def _alarm(found: Estimate, settings: MonitorSettings) -> str:
     """Why the pairs cannot be believed to agree, in words; empty when they do."""
     from scipy.special import chdtri  # 0.1 s, kept out of the start
 
+    if not found.dof:
+        return ""
     limit = float(chdtri(found.dof, settings.chi2_false_alarm))
     if found.chi2 <= limit:
         return ""

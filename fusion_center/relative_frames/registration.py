@@ -90,12 +90,14 @@ def register(
     prior: RelativeFramePrior,
     between: Poses,
     method: str = "closed_form",
+    plot: Array | None = None,
 ) -> tuple[Estimate, Array]:
     """The frame from one or more pairs, and each pair's normalised squared misclosure (L,).
 
     Args:
         other: its places along the axes of the own plane.
         method: one of `METHODS`.
+        plot: what one plot tells of the frame, see `directions`.
     """
     own_logs = _polar(own, [pair.own for pair in pairs])
     other_logs = _polar(other, [pair.other for pair in pairs])
@@ -110,6 +112,7 @@ def register(
         between,
         Misclosure(registered.fixed.pairs, float(registered.fixed.chi2), registered.fixed.dof),
         method,
+        plot,
     )
     return estimate, _after_correction(own_logs, other_logs, prior, registered.fixed)
 

@@ -48,7 +48,8 @@ class Direction(Struct, frozen=True, kw_only=True):
     Attributes:
         name: in words, such as `location along 040 deg`.
         ratio: posterior over prior sigma along it.
-        status: determined (< .5), weak (< .9) or undetermined.
+        status: determined (ratio < .5, or less is open than half a plot's sigma), weak (< .9) or
+            undetermined.
     """
 
     name: Text

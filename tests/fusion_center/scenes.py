@@ -72,6 +72,7 @@ class Ship:
     sigma_position_m: float = 1500.0
     sigma_north_rad: float = math.radians(1.0)
     coordinates: str = "bearing_range"
+    range_max_m: float = 1e9
     clock_offset_ns: int = 0
     looks_before_s: float = 0.0
     boot: str = "b1"
@@ -84,6 +85,7 @@ class Ship:
             sigma_bearing_rad=self.sigma_bearing_rad,
             sigma_range_m=self.sigma_range_m,
             sigma_position_m=self.sigma_range_m,
+            range_max_m=self.range_max_m,
         )
 
 
