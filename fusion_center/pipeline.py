@@ -42,6 +42,7 @@ from .orders import carry_out
 from .passive import frames as passive_frames
 from .passive import lines as passive_lines
 from .picture import fusing as picture
+from .picture import shown
 from .quality import Tally
 from .relative_frames import feedback, joint, memoryless
 from .relative_frames.monitor import sentence
@@ -177,7 +178,7 @@ def _published(state: State, closed: Closed, batch: Batch, tally: Tally) -> tupl
     ]
     associated = _association(state, closed, tally, number(association, centre))
     how_well = _quality(state, closed, batch, tally, number(quality, centre))
-    objects = picture.objects(state, closed.t_ns)
+    objects = shown.objects(state, closed.t_ns)
     drawn = Tracks(
         centre=centre,
         seq=number(track, centre),
@@ -185,7 +186,7 @@ def _published(state: State, closed: Closed, batch: Batch, tally: Tally) -> tupl
         t_ns=closed.t_ns,
         objects=objects.mean,
         sigma_objects=objects.sigma,
-        tracks=picture.tracks(state, closed.t_ns),
+        tracks=shown.tracks(state, closed.t_ns),
         lines=passive_lines.lines(state, closed.t_ns),
     )
     outputs.append(Published(track, (centre,), drawn))

@@ -22,7 +22,7 @@ from schemas.messages import BearingLine, SourceReport
 
 from ..navigation import NS, symmetric
 from ..picture.axes import Placed, placed
-from ..picture.fusing import settings_of
+from ..picture.ways import settings_of
 from ..settings import PassiveSettings
 from ..sources.coordinates import column, instants_ns
 from ..state import Drawn, Line, Notes, State

@@ -7,23 +7,20 @@ own instant, and the picture leaves with the Closed that ended its time.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
 
-from estimation.object_count import Count
 from estimation.tracking import tracker
 from estimation.tracking.bernoulli import PairTerm
-from estimation.tracking.imm import Motion
 from estimation.tracking.tracker import Association, Picture
-from estimation.tracking.undetected import Region
-from schemas.messages import Input, SourceProperties, SourceReport, Track
+from schemas.messages import Input, SourceProperties, SourceReport
 
-from ..navigation import NS, upper_triangle
+from ..navigation import NS
 from ..quality import Tally
-from ..sources.features import CLASS, NOTHING_LEARNED, layout, reports
+from ..sources.features import CLASS, NOTHING_LEARNED, reports
 from ..state import Learned, Notes, State, Watched, Word
 from ..timeline import Instant
 from . import learning, names
@@ -31,14 +28,10 @@ from .axes import placed
 from .classes import classes_of, named_classes
 from .scans import Plots, plots, told_key
 from .watch import Look, flags, look, names_are_believed, watched
+from .ways import settings_of
 
 MINE = 0.5
 """Probability from which a log is said to be of a track."""
-MOST_SPEED_MPS = 1e5
-LOUDER_S, QUIETER_S = (3000.0, 60.0, 100.0), (600.0, 20.0, 10.0)
-"""Mean times until a target moves in the next louder way, and until one falls back. Whoever has
-gone straight for long is taken for one that hardly ever turns; after a turn more are expected."""
-_COVARIANCE = upper_triangle(4)
 
 
 def with_reports(
@@ -157,31 +150,6 @@ def _sane(picture: Picture) -> Picture:
     return picture._replace(tracks=picture.tracks.take(np.flatnonzero(finite)))
 
 
-def settings_of(state: State) -> tracker.Settings:
-    """The settings as the tracker has them; at first every class is as likely."""
-    settings, classes = state.settings.picture, max(len(classes_of(state.scenario)), 1)
-    motion = Motion(
-        noise=(
-            settings.steady_m2ps3,
-            settings.quiet_m2ps3,
-            settings.turning_m2ps3,
-            settings.manoeuvring_m2ps3,
-        ),
-        louder_s=LOUDER_S,
-        quieter_s=QUIETER_S,
-        sigma_speed_mps=settings.sigma_speed_mps,
-    )
-    return tracker.Settings(
-        motion=motion,
-        region=Region(half_m=settings.half_width_m),
-        lifetime_s=settings.lifetime_s,
-        gate=settings.gate,
-        confirmed=settings.confirmed,
-        classes=(1.0 / classes,) * classes,
-        features=layout(state.picture.dictionary),
-    )
-
-
 def _not_before(seen: Plots, t_ns: int) -> Plots:
     """Plots older than the picture are carried on to it by the velocity of their tracks."""
     late_s = (t_ns - seen.scan.t_ns) * NS
@@ -235,61 +203,3 @@ def _taken(done: Association) -> Iterable[tuple[int, int]]:
     begun = np.flatnonzero(done.begun >= 0)
     taken = set(done.plot[sure].tolist())
     yield from ((int(done.begun[p]), p) for p in begun.tolist() if p not in taken)
-
-
-def objects(state: State, t_ns: int) -> Count:
-    """How many objects there are where a sensor ever looked, shown or not."""
-    drawn = state.picture
-    if drawn.picture is None:
-        return Count(0.0, 0.0)
-    later = tracker.predicted(drawn.picture, max(t_ns, drawn.picture.t_ns), settings_of(state))
-    return tracker.number(later)
-
-
-def tracks(state: State, t_ns: int) -> list[Track]:
-    """What is shown at an instant: the confirmed tracks, surest identity first."""
-    drawn = state.picture
-    if drawn.picture is None:
-        return []
-    settings = settings_of(state)
-    later = tracker.predicted(drawn.picture, max(t_ns, drawn.picture.t_ns), settings)
-    shown = tracker.shown(later, settings)
-    back_s = min(0.0, (t_ns - drawn.picture.t_ns) * NS)
-    place = shown.mean[:, :2] + back_s * shown.mean[:, 2:]
-    rows = zip(
-        shown.identity.tolist(),
-        place.tolist(),
-        shown.mean[:, 2:].tolist(),
-        shown.covariance[:, *_COVARIANCE].tolist(),
-        shown.existence.tolist(),
-        shown.classes.tolist(),
-        strict=True,
-    )
-    names = classes_of(state.scenario)
-    return [
-        _track(f"t{number}", drawn.notes.get(str(number), Notes()), names, *row)
-        for number, *row in rows
-        if np.isfinite(row[0] + row[1] + row[2]).all() and max(map(abs, row[1])) < MOST_SPEED_MPS
-    ]
-
-
-def _track(
-    name: str,
-    notes: Notes,
-    names: Sequence[str],
-    place: list[float],
-    rate: list[float],
-    covariance: list[float],
-    existence: float,
-    classes: list[float],
-) -> Track:
-    return Track(
-        id=name,
-        position_m=place,
-        velocity_mps=rate,
-        covariance=covariance,
-        existence=min(existence, 1.0),
-        classes=dict(zip(names, (min(share, 1.0) for share in classes), strict=False)),
-        carriers=sorted({source.partition("/")[0] for source in notes.logs}),
-        logs=sorted(notes.logs.values()),
-    )

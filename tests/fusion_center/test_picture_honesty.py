@@ -14,7 +14,7 @@ from estimation.metrics import matched
 from estimation.tracking.measurements import polar
 from estimation.tracking.scan import Scan, View
 from estimation.tracking.tracker import nothing, shown, step
-from fusion_center.picture.fusing import settings_of
+from fusion_center.picture.ways import settings_of
 from tests.fusion_center.scenes import two_ships
 
 SETTINGS = settings_of(two_ships().initial())
