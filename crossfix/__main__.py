@@ -2,42 +2,27 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import NoReturn
-
-from cyclopts import App, CycloptsError
+from typing import TYPE_CHECKING, NoReturn
 
 from crossfix import __version__
-from schemas.bus.entry import pin_threads
-from schemas.errors import CrossfixError
 
-VERBS = (
-    "run",
-    "world",
-    "carrier",
-    "fusion",
-    "hub",
-    "info",
-    "verify",
-    "refuse",
-    "diff",
-    "recover",
-    "cut",
-    "merge",
-    "cat",
-    "record",
-    "export",
-    "replay",
-    "tell",
-    "peek",
-    "bridge",
-    "report",
-    "check",
-    "settings",
-    "doctor",
-)
+if TYPE_CHECKING:
+    from cyclopts import App, CycloptsError
+
+GROUPS = {
+    "Run a scenario": ("run", "doctor", "settings"),
+    "A run on several machines": ("hub", "world", "carrier", "fusion", "record", "tell"),
+    "Take part in a run": ("bridge", "check", "peek"),
+    "Look at a recording": ("info", "report", "verify", "diff", "cat", "export"),
+    "Make of a recording": ("refuse", "replay", "cut", "merge", "recover"),
+}
+"""The verbs by what they are for, as `crossfix --help` shows them."""
+
+VERBS = tuple(verb for verbs in GROUPS.values() for verb in verbs)
 """Verb `x` is the function `x` in `crossfix/commands/x.py`, which imports what is heavy inside."""
 
 BAD_USE = 2
@@ -46,9 +31,10 @@ BAD_USE = 2
 HELP = """
 Carriers that disagree about where they are and where north lies, and the centre that fuses them.
 
-A first look at a recording, and the proof that it repeats itself:
+A run, a page that shows it, and the proof that it repeats itself:
 
 ```
+crossfix run scenarios/strait.toml --report
 crossfix info recordings/strait.mcap
 crossfix verify recordings/strait.mcap --refuse
 ```
@@ -59,6 +45,8 @@ crossfix verify recordings/strait.mcap --refuse
 
 def new_app() -> App:
     """The command line with all its verbs."""
+    from cyclopts import App, Group
+
     app = App(
         name="crossfix",
         help=HELP,
@@ -68,23 +56,40 @@ def new_app() -> App:
         print_error=False,
         result_action="return_value",
     )
-    for verb in VERBS:
-        app.command(getattr(import_module(f"crossfix.commands.{verb}"), verb), name=verb)
+    for order, (title, verbs) in enumerate(GROUPS.items()):
+        group = Group(title, sort_key=order)
+        for verb in verbs:
+            command = getattr(import_module(f"crossfix.commands.{verb}"), verb)
+            app.command(command, name=verb)
+            app[verb].group = group
     return app
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run one verb and exit: a user's error is one line, a bug keeps its traceback."""
+    try:
+        code = _carried_out(arguments)
+    except KeyboardInterrupt:  # also while half of it is not imported yet
+        code = 128 + signal.SIGINT
+    sys.exit(code)
+
+
+def _carried_out(arguments: Sequence[str] | None) -> int | None:
+    from cyclopts import CycloptsError
+
+    from schemas.bus.entry import pin_threads
+    from schemas.errors import CrossfixError
+
     pin_threads()
     try:
-        code = new_app()(arguments)
+        code: int | None = new_app()(arguments)
     except CycloptsError as error:
         _explain(f"{error} See `{_help_for(error)}`.")
-        code = BAD_USE
+        return BAD_USE
     except CrossfixError as error:
         _explain(str(error))
-        code = error.exit_code
-    sys.exit(code)
+        return error.exit_code
+    return code
 
 
 def _help_for(error: CycloptsError) -> str:

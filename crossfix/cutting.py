@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +11,7 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from crossfix.making import Made, attachments_of, end_of, header_of, made, put, writing
+from crossfix.reading_progress import Show, unseen
 from crossfix.selecting import Selection, selected
 from schemas import codec, keys
 from schemas.bus.ledger import StreamKey
@@ -19,8 +20,6 @@ from schemas.errors import RecordingError, WireError
 from schemas.messages import Closed, Input, StreamEnd, StreamSpan
 from schemas.recording.contents import RunHeader
 from schemas.recording.reader import Recorded, Recording
-
-Show = Callable[[int, int], None]
 
 
 class Cut(NamedTuple):
@@ -53,7 +52,7 @@ def cut(
     recording: Recording,
     path: Path,
     selection: Selection,
-    show: Show = lambda count, t_ns: None,
+    show: Show = unseen,
 ) -> Cut:
     """Write a part of a recording as one that stands alone, attachments and latched state included.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from hashlib import blake2b
 from pathlib import Path
 from typing import NamedTuple
@@ -12,13 +12,13 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from crossfix.making import Made, attachments_of, header_of, is_torn, made, put, writing
+from crossfix.reading_progress import Show, unseen
 from schemas.errors import RecordingError
 from schemas.recording.contents import Attachment, RunEnd, RunHeader
 from schemas.recording.reader import Recorded, Recording
 
 REMEMBERED = 200_000
 """A message that both of two recordings hold is known again within so many others."""
-Show = Callable[[int, int], None]
 _Name = tuple[str, int, int]
 
 
@@ -33,7 +33,7 @@ def merge(
     recordings: Sequence[Recording],
     path: Path,
     names: Sequence[str] = (),
-    show: Show = lambda count, t_ns: None,
+    show: Show = unseen,
 ) -> Joined:
     """Write recordings of one run, such as those of two recorders, as one, in order of log time.
 
@@ -54,7 +54,7 @@ def join(
     recordings: Sequence[Recording],
     path: Path,
     names: Sequence[str] = (),
-    show: Show = lambda count, t_ns: None,
+    show: Show = unseen,
 ) -> Joined:
     """Write the parts of a recording, each of which begins where the one before ends, as one.
 

@@ -27,6 +27,8 @@ FAIL_S = 6.0
 KILL_S = 5.0
 """Between the request to leave and the kill."""
 POLL_S = 0.02
+INTERRUPTED = 128 + signal.SIGINT
+"""Exit code of a run that Ctrl-C has ended before its recording was finished."""
 
 
 @dataclass
@@ -103,12 +105,19 @@ class Launch:
         self._join_readers()
         return self.exit_code
 
-    def interrupt(self) -> None:
-        """First call: ask the world for a clean end; second: kill everything."""
+    def interrupt(self, *, begun: bool = True) -> None:
+        """First call: ask the world for a clean end; second: kill everything.
+
+        Args:
+            begun: there has been a step; before that there is nothing to finish, and all end.
+        """
         self._interrupts += 1
         if self._interrupts > 1:
-            self.exit_code = self.exit_code or 130
+            self.exit_code = self.exit_code or INTERRUPTED
             self.kill()
+            return
+        if not begun:
+            self._call_off()
             return
         self._say("launch", "ending: the recording is finished first (Ctrl-C again kills)")
         for child in self._children:
@@ -116,6 +125,13 @@ class Launch:
                 child.send(signal.SIGTERM)
                 break
         self._leave_by_s = min(self._leave_by_s, time.monotonic() + LEAVE_S)
+
+    def _call_off(self) -> None:
+        self._say("launch", "ending before the first step")
+        self.exit_code, self._asked = INTERRUPTED, True
+        for child in self._children:
+            child.send(signal.SIGTERM)
+        self._leave_by_s = time.monotonic() + KILL_S
 
     def kill(self) -> None:
         """End everything at once."""
@@ -156,7 +172,7 @@ class Launch:
             self._start(self._hub)
 
     def _on_end(self, child: Child, code: int) -> None:
-        if code:
+        if code and self.exit_code != INTERRUPTED:
             self._say("launch", f"{child.name} ended with {_meaning(code)}")
             if not self.exit_code:
                 self.exit_code, self.failed = exit_code(code), child.name

@@ -16,6 +16,10 @@ Show = Callable[[int, int], None]
 """Is told how many messages have been read, and the log time [ns] of the last."""
 
 
+def unseen(count: int, t_ns: int) -> None:
+    """A `Show` for when nobody looks."""
+
+
 @contextmanager
 def reading(recording: Recording, doing: str) -> Iterator[Show]:
     """A bar on stderr with scenario time, count and multiple of real time; only on a terminal."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +12,7 @@ import msgspec
 from msgspec.structs import replace
 
 from crossfix.making import Made, end_of, header_of, is_torn, made, put, writing
+from crossfix.reading_progress import Show, unseen
 from crossfix.settings_changes import SettingChange, changes_between, with_changes
 from fusion_center.fuse import Fusible, fuse
 from fusion_center.pipeline import Outputs, initial
@@ -32,8 +33,6 @@ from schemas.recording.writer import RecordingWriter
 
 AHEAD = 500
 """A gap that the recorder has filled stands in the file up to so many Closed messages late."""
-Show = Callable[[int, int], None]
-"""Is told how many messages have been read, and the log time [ns] of the last."""
 
 
 class Refused(NamedTuple):
@@ -60,7 +59,7 @@ def refuse(
     recording: Recording,
     path: Path,
     overrides: Mapping[str, Any],
-    show: Show = lambda count, t_ns: None,
+    show: Show = unseen,
 ) -> Refused:
     """Write a recording with the same inputs, truth, status and control, and outputs fused anew.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import FrameType
 
@@ -46,7 +46,7 @@ def carry_out(path: Path, options: RunOptions) -> int:
     ):
         if options.connect:
             _refuse_if_alive(run, endpoint)
-        _on_interrupt(launch)
+        _on_interrupt(lambda: launch.interrupt(begun=watcher.steps_seen > 0))
         launch.start(processes(path, declared, run, recording, endpoint, options))
         with open_bus(endpoint, HUB_S) as bus:
             watcher.follow(bus)
@@ -55,6 +55,7 @@ def carry_out(path: Path, options: RunOptions) -> int:
         console.print(f"recording: {', '.join(map(str, files))}", highlight=False)
         show_results(files[-1], as_json=options.json)
         if options.verify:
+            console.print("verify: fusing the recording again", highlight=False)
             code = code or verify(recording, refuse=True)
         if options.report:
             console.print(f"report: {_drawn(recording)}", highlight=False)
@@ -134,10 +135,10 @@ def _refuse_if_alive(run: str, endpoint: str) -> None:
         )
 
 
-def _on_interrupt(launch: Launch) -> None:
+def _on_interrupt(interrupt: Callable[[], None]) -> None:
     def handle(number: int, frame: FrameType | None) -> None:
         del number, frame
-        launch.interrupt()
+        interrupt()
 
     signal.signal(signal.SIGINT, handle)
     signal.signal(signal.SIGTERM, handle)

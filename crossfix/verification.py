@@ -15,6 +15,7 @@ import msgspec
 
 from crossfix.differences import EXACT, Rules, changes, first_difference, unpacked
 from crossfix.making import is_torn
+from crossfix.reading_progress import Show, unseen
 from crossfix.refusing import AHEAD
 from fusion_center.fuse import Fusible, fuse
 from schemas import codec
@@ -99,20 +100,21 @@ def missing_inputs(recording: Recording) -> list[StreamSpan]:
     ]
 
 
-def compare(recording: Recording, rules: Rules = EXACT) -> Comparison:
+def compare(recording: Recording, rules: Rules = EXACT, show: Show = unseen) -> Comparison:
     """Fuse the inputs of a recording again and hold the outputs against the recorded ones.
 
     Of an unfinished recording, whose end is torn, the part that both sides have is compared.
 
     Args:
         rules: what counts as a difference; on another kind of machine 1e-9 does not.
+        show: is told how many inputs have been fused, and the log time [ns] of the last.
 
     Raises:
         RecordingError: damaged, without outputs, or an input that was fused is not in it.
     """
     comparing = _Comparing(recording, rules)
     try:
-        for outputs in fuse(_fusibles(recording), centre=comparing.centre, ahead=AHEAD):
+        for outputs in fuse(_fusibles(recording, show), centre=comparing.centre, ahead=AHEAD):
             for topic, ids, message in outputs:
                 comparing.take(topic.key(recording.header.run, *ids), message)
             if comparing.difference:
@@ -195,16 +197,17 @@ class _Comparing:
         )
 
 
-def _fusibles(recording: Recording) -> Iterator[Fusible]:
+def _fusibles(recording: Recording, show: Show) -> Iterator[Fusible]:
     yield recording.scenario
-    for message in _inputs(recording):
+    for message in _inputs(recording, show):
         if isinstance(message, Closed | Event | Input):
             yield message
 
 
-def _inputs(recording: Recording) -> Iterator[msgspec.Struct]:
+def _inputs(recording: Recording, show: Show = unseen) -> Iterator[msgspec.Struct]:
     """Every readable input; what the bus has refused was never fused either."""
-    for message in recording.messages(roles=(Role.INPUT,)):
+    for count, message in enumerate(recording.messages(roles=(Role.INPUT,))):
+        show(count, message.log_time_ns)
         with suppress(WireError):
             yield message.decode()
 

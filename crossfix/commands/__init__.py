@@ -49,6 +49,19 @@ def _id(_: object, value: str | None) -> None:
         raise ValueError(f"Expected {error.expected}.") from None
 
 
+def _keys(_: object, value: tuple[str, ...]) -> None:
+    from difflib import get_close_matches
+
+    from schemas.keys import TOPICS
+
+    known = sorted({topic.template.partition("/")[0] for topic in TOPICS})
+    for pattern in value:
+        first = pattern.partition("/")[0]
+        if "*" not in first and first not in known:
+            meant = get_close_matches(first, known, n=1) or known
+            raise ValueError(f"Expected keys that begin with {', '.join(meant)}.")
+
+
 Timeout = Annotated[float, Parameter(validator=_above_zero)]
 """Seconds, above 0."""
 Sigma = Annotated[float, Parameter(validator=_above_zero)]
@@ -63,6 +76,10 @@ Rate = Annotated[str, Parameter(validator=_rate)]
 """`max`, or a multiple of real time."""
 Name = Annotated[str, Parameter(validator=_id)]
 """Of a run, a carrier, a process: an id of the wire."""
+
+
+Keys = Annotated[tuple[str, ...], Parameter(negative=(), validator=_keys)]
+"""Patterns of keys after the run, such as `report/**`, of topics that there are."""
 
 
 @Parameter(name="*")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from crossfix.commands import Keys
 from crossfix.commands.diff import RoleName
 
 if TYPE_CHECKING:
@@ -19,8 +20,8 @@ def cat(
     start: float = 0.0,
     until: float | None = None,
     role: Annotated[tuple[RoleName, ...], Parameter(negative="")] = (),
-    keys: Annotated[tuple[str, ...], Parameter(negative="")] = (),
-    without: Annotated[tuple[str, ...], Parameter(negative="")] = (),
+    keys: Keys = (),
+    without: Keys = (),
 ) -> None:
     """Print the messages of recordings as lines of JSON, or write parts of a recording as one.
 

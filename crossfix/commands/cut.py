@@ -7,6 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from crossfix.commands import Keys
 from crossfix.commands.diff import RoleName
 
 
@@ -18,8 +19,8 @@ def cut(
     start: float = 0.0,
     until: float | None = None,
     role: Annotated[tuple[RoleName, ...], Parameter(negative="")] = (),
-    keys: Annotated[tuple[str, ...], Parameter(negative="")] = (),
-    without: Annotated[tuple[str, ...], Parameter(negative="")] = (),
+    keys: Keys = (),
+    without: Keys = (),
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
     """Write a part of a recording, by time, role and key, as one that stands alone.

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from crossfix.commands import Keys
+
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
@@ -26,7 +28,7 @@ def diff(
     tolerance: float = 0.0,
     ignore: Annotated[tuple[str, ...], Parameter(negative="")] = (),
     role: Annotated[tuple[RoleName, ...], Parameter(negative="")] = ("input", "truth", "output"),
-    keys: Annotated[tuple[str, ...], Parameter(negative="")] = (),
+    keys: Keys = (),
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> int:
     """Compare two recordings message by message, to the last bit.

@@ -37,7 +37,7 @@ def report(
     if output is None and (as_json or as_md):
         figures = reports.read_figures(recording)
     else:
-        page = output or recording.with_suffix(".html")
+        page = output or recording.parent / f"{recording.stem}.html"
         figures = reports.write_page(recording, page)
         if not (as_json or as_md):
             print(f"report: {page}")

@@ -44,6 +44,7 @@ def verify(
     """
     from crossfix.differences import Rules
     from crossfix.making import is_torn
+    from crossfix.reading_progress import reading
     from crossfix.verification import compare, missing_inputs
     from schemas.errors import CrossfixError
     from schemas.recording.reader import open_recording
@@ -54,7 +55,8 @@ def verify(
         opened.check()
         missing = missing_inputs(opened)
         is_whole = not missing or is_torn(opened)
-        comparison = compare(opened, Rules(tolerance)) if refuse and is_whole else None
+        with reading(opened, "verify") as shown:
+            comparison = compare(opened, Rules(tolerance), shown) if refuse and is_whole else None
         notes = _notes(opened, comparison)
     show = _show_json if as_json else _show
     show(recording, missing, comparison, notes)

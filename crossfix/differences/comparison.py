@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
 from hashlib import sha256
 from typing import Any, NamedTuple
@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from crossfix.differences.fields import ENCODING, EXACT, FieldChange, Rules, changes, unpacked
 from crossfix.differences.figures import FieldFigures, FieldSummary
 from crossfix.differences.pairing import Pair, channel_of, pairs
+from crossfix.reading_progress import Show, unseen
 from crossfix.settings_changes import SettingChange, changes_between
 from schemas.errors import CrossfixError, RecordingError
 from schemas.keys import Role
@@ -18,7 +19,6 @@ from schemas.recording.reader import Recorded, Recording
 
 ROLES = (Role.INPUT, Role.TRUTH, Role.OUTPUT)
 """What is compared unless told otherwise: the rest tells of the wall clock."""
-Show = Callable[[int, int], None]
 _RANKS = {role: rank for rank, role in enumerate((Role.INPUT, Role.TRUTH, Role.OUTPUT))}
 
 
@@ -93,7 +93,7 @@ def diff(
     roles: Sequence[Role] = ROLES,
     channels: Sequence[str] = (),
     rules: Rules = EXACT,
-    show: Show = lambda count, t_ns: None,
+    show: Show = unseen,
 ) -> Diff:
     """Compare two recordings message by message; order and packing of the files do not matter.
 

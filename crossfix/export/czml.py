@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from math import degrees, pi
 from pathlib import Path
@@ -18,6 +18,7 @@ from crossfix.export.situation import Situation, corrected
 from crossfix.making import Made, beside
 from crossfix.own_frames import as_own
 from crossfix.picture.tracks import SIGMAS
+from crossfix.reading_progress import Show, unseen
 from estimation.arrays import Array
 from estimation.frames import Site, on_surface, site_at
 from schemas import messages as m
@@ -25,7 +26,6 @@ from schemas.errors import RecordingError, WireError
 from schemas.recording.reader import Recording
 
 Packet = dict[str, Any]
-Show = Callable[[int, int], None]
 BEARINGS = 3000
 """Lines of bearing that are drawn; of more, an even share."""
 GREY = (0.6, 0.6, 0.6)
@@ -58,7 +58,7 @@ class Found(NamedTuple):
     rays: dict[str, list[Ray]]
 
 
-def export(recording: Recording, path: Path, show: Show = lambda count, t_ns: None) -> Made:
+def export(recording: Recording, path: Path, show: Show = unseen) -> Made:
     """Write a recording as a CZML document.
 
     Raises:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from math import degrees
 from pathlib import Path
 from typing import NamedTuple
@@ -35,6 +35,7 @@ from crossfix.export.foxglove_messages import (
 from crossfix.export.situation import Corrected, Situation, corrected
 from crossfix.making import Made, beside
 from crossfix.own_frames import as_own
+from crossfix.reading_progress import Show, unseen
 from estimation.arrays import Array
 from estimation.frames import RigidTransform, Site, rotation_clockwise
 from schemas import messages as m
@@ -48,7 +49,6 @@ INFO, WARNING = 2, 3
 KNOWN, UNKNOWN = 3, 0
 DELETE_ALL = 1
 SHIP_M, TARGET_M = 150.0, 60.0
-Show = Callable[[int, int], None]
 
 
 class Out(NamedTuple):
@@ -58,7 +58,7 @@ class Out(NamedTuple):
     message: Message
 
 
-def export(recording: Recording, path: Path, show: Show = lambda count, t_ns: None) -> Made:
+def export(recording: Recording, path: Path, show: Show = unseen) -> Made:
     """Write a recording as Foxglove sees it.
 
     `/tf` holds where every carrier believes to be, and where the corrections in force put it

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -15,17 +14,17 @@ from crossfix.export.situation import Situation, corrected
 from crossfix.making import Made, beside
 from crossfix.own_frames import as_own
 from crossfix.picture.tracks import SIGMAS
+from crossfix.reading_progress import Show, unseen
 from estimation.arrays import Array
 from schemas import messages as m
 from schemas.errors import CrossfixError, WireError
 from schemas.recording.reader import Recording
 
-Show = Callable[[int, int], None]
 TIMELINE = "scenario"
 LEAST_M = 5.0
 
 
-def export(recording: Recording, path: Path, show: Show = lambda count, t_ns: None) -> Made:
+def export(recording: Recording, path: Path, show: Show = unseen) -> Made:
     """Write a recording as Rerun sees it: points, ellipses, lines, figures over time, a log.
 
     All points are in the axes of the picture: east and north at the scenario's origin as the own

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 from crossfix.analysis import Recording
 from schemas import keys
 from schemas.errors import CrossfixError
-
-Show = Callable[[int, int], None]
 
 
 class Table(NamedTuple):

@@ -17,7 +17,7 @@ from .declared import declare
 from .file import ScenarioFile
 from .motions import TrackFile
 from .toml_text import toml_text
-from .validation import key_of, step_to, validated
+from .validation import key_of, nearest, step_to, validated
 
 DATA_VARIABLE = "CROSSFIX_DATA"
 """Environment variable that names the folder of recorded tracks."""
@@ -160,9 +160,12 @@ def _override(tree: dict[str, Any], dotted: str, value: Any, where: str) -> None
     *path, last = dotted.split(".")
     table: Any = tree
     for step in path:
-        table = table.setdefault(step, {}) if isinstance(table, dict) else _item(table, step)
+        above = table
+        table = above.setdefault(step, {}) if isinstance(above, dict) else _item(above, step)
         if not isinstance(table, dict | list):
-            raise ScenarioError("no such table", where=f"{where}: {dotted}", got=step)
+            known = nearest(step, _names(above)) if isinstance(above, list) else "a table"
+            at = f"{where}: {dotted}"
+            raise ScenarioError("no such table", where=at, got=step, expected=known)
     if isinstance(table, list):
         expected = "a key of an item, such as " + ", ".join(_names(table)[:3])
         raise ScenarioError("not a key", where=f"{where}: {dotted}", got=last, expected=expected)

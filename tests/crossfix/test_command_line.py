@@ -1,5 +1,7 @@
 """The frame of the command line: help that teaches, errors in one line, bugs with a traceback."""
 
+import signal
+
 import pytest
 
 from crossfix import __version__
@@ -35,7 +37,14 @@ def test_version(crossfix: Crossfix) -> None:
 
 
 @pytest.mark.parametrize(
-    "line", [["unheard-of"], ["hub", "--lisen", "x"], ["peek", "--count", "x"]]
+    "line",
+    [
+        ["unheard-of"],
+        ["hub", "--lisen", "x"],
+        ["peek", "--count", "x"],
+        ["cat", "x.mcap", "--keys", "corection/**"],
+        ["report", "."],
+    ],
 )
 def test_a_command_line_that_means_nothing_is_explained(
     line: list[str], crossfix: Crossfix
@@ -56,13 +65,22 @@ def test_an_error_of_the_user_is_one_line_and_its_exit_code(
     assert shown.err == f"error: {error}\n"
 
 
+def test_an_interrupt_is_no_bug_however_early_it_comes(
+    crossfix: Crossfix, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("crossfix.__main__.new_app", _raising(KeyboardInterrupt()))
+    shown = crossfix("hub")
+    assert shown.code == 128 + signal.SIGINT
+    assert shown.err == ""
+
+
 def test_a_bug_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("schemas.bus.hub.run_hub", _raising(ZeroDivisionError()))
     with pytest.raises(ZeroDivisionError):
         main(["hub"])
 
 
-def _raising(error: Exception):
+def _raising(error: BaseException):
     def run(*_: object, **__: object) -> None:
         raise error
 

@@ -189,7 +189,7 @@ def test_fields_and_channels_can_be_left_out(path: Path, other: Path, crossfix: 
 
 
 def test_nothing_to_compare_is_an_error(path: Path, crossfix: Crossfix) -> None:
-    shown = crossfix("diff", path, path, "--keys", "nothing/**")
+    shown = crossfix("diff", path, path, "--keys", "alignment/**")
     assert shown.code == 2
     assert "nothing to compare" in shown.err
 

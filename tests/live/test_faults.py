@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from crossfix.commands.run import RunOptions
+from crossfix.launch import KILL_S
 from schemas import keys
 from schemas.messages import Closed
 from schemas.recording.reader import open_recording
@@ -96,6 +97,16 @@ def test_the_fusion_centre_killed_ends_the_run_with_its_code_and_a_readable_reco
     recorded = closed(path)
     assert [c.step for c in recorded] == list(range(1, len(recorded) + 1))
     assert len(recorded) >= 15
+
+
+def test_an_interrupt_before_the_first_step_waits_for_nobody(tmp_path: Path) -> None:
+    with LiveRun(SCENARIO, tmp_path / "run.mcap", SLOW) as run:
+        started_s = time.monotonic()
+        run.launch.interrupt(begun=False)
+        code = run.await_end()
+        took_s = time.monotonic() - started_s
+    assert code == 128 + signal.SIGINT
+    assert took_s < KILL_S + 3  # who cannot hear yet is killed
 
 
 def test_one_interrupt_ends_cleanly_with_a_finished_recording(tmp_path: Path) -> None:

@@ -31,6 +31,11 @@ def test_world_and_carriers_never_load_scipy(package: str) -> None:
     assert "scipy" not in modules
 
 
+def test_nothing_of_ours_is_imported_before_an_interrupt_would_be_caught() -> None:
+    modules = loaded("import sys, crossfix.__main__\nprint(*sorted(sys.modules))")
+    assert modules.isdisjoint({"cyclopts", "rich", "msgspec", "crossfix.commands", "schemas"})
+
+
 def test_help_loads_nothing_heavy() -> None:
     program = (
         "import sys, crossfix.__main__ as front\n"

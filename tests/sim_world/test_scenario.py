@@ -292,6 +292,19 @@ def test_overridden_text_says_what_the_overridden_scenario_is(
     assert (again.file, again.declared, again.truth) == changed[4:]
 
 
+@pytest.mark.parametrize(
+    ("key", "got", "expected"),
+    [
+        ("carriers.onw.use_corrections", "onw", "own (the nearest known)"),
+        ("time.duration_s.value", "duration_s", "a table"),
+    ],
+)
+def test_an_override_of_what_is_not_there_says_what_is(key: str, got: str, expected: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        with_overrides(parse_scenario(toml_text(full())), {key: 1})
+    assert (caught.value.got, caught.value.expected) == (got, expected)
+
+
 def test_overrides_leave_the_original_alone() -> None:
     before = scenario()
     with_overrides(before, {"seed": 99})
