@@ -41,8 +41,8 @@ class Hypothesis(NamedTuple):
     Attributes:
         columns: (B,) the targets that it is of.
         estimate: parameters and what bearings and prior say of them.
-        log_evidence: (B,) logarithm of the probability of the bearings under this motion, but for
-            a constant of all motions; -inf where the motion found no end.
+        log_evidence: (B,) logarithm of the odds of this motion times the probability of the
+            bearings under it, but for a constant of all motions; -inf where it found no end.
         dof: (B,) bearings that count less the parameters that they, not the prior, determine.
         aided: 1 / range at the last bearing.
         alone: the same with the sigma as if the prior said nothing of metres.
@@ -152,7 +152,7 @@ def hypothesis(
         )
         estimate = estimate._replace(information=told)
     alone = estimate._replace(information=unaided).inverse_range()
-    log_evidence = np.where(ok, log_evidence, -np.inf)
+    log_evidence = np.where(ok, log_evidence + np.log(problem.motion.odds), -np.inf)
     return Hypothesis(columns, estimate, log_evidence, dof, estimate.inverse_range(), alone)
 
 

@@ -34,6 +34,9 @@ class Motion(NamedTuple):
         path: (time (N, B), shape (P, B)) -> f (N, B) and its derivatives (P, N, B); None: time.
         grid: (P, G) shapes to begin a search with.
         knots: instants at which the acceleration of a spline jumps; only without `path`.
+        odds: how likely before the first bearing, by the odds of any other motion. Half of all
+            targets hold course and speed; a turn is one kind in two forms; hardly any has a jerk.
+        like: the motion that this one is another form of; their weights count together.
     """
 
     name: str
@@ -42,6 +45,13 @@ class Motion(NamedTuple):
     path: Path | None = None
     grid: tuple[tuple[float, ...], ...] = ((),)
     knots: tuple[float, ...] = ()
+    odds: float = 1.0
+    like: str = ""
+
+    @property
+    def kind(self) -> str:
+        """The motion and all its forms."""
+        return self.like or self.name
 
     @property
     def size(self) -> int:
@@ -146,7 +156,8 @@ def _exponential_mean(z: ComplexArray) -> tuple[ComplexArray, ComplexArray, Comp
 def polynomial(degree: int) -> Motion:
     """A polynomial of time: 1 constant velocity, 2 constant acceleration, 3 constant jerk."""
     names = {1: "constant velocity", 2: "constant acceleration", 3: "constant jerk"}
-    return Motion(names.get(degree, f"polynomial of degree {degree}"), degree)
+    name = names.get(degree, f"polynomial of degree {degree}")
+    return Motion(name, degree, odds={1: 6.0, 3: 1 / 3}.get(degree, 1.0))
 
 
 def spline(pieces: int) -> Motion:
@@ -189,9 +200,19 @@ STRAIGHT_ACCELERATED = Motion(
 TURN_RATE = Motion(
     "turn rate", 1, ("omega",), circular_path, _grid((-3, -1.6, -0.8, -0.3, 0.3, 0.8, 1.6, 3))
 )
-TWO_LEGS = Motion("two legs", 1, ("angle", "middle"), legs_path, _grid(_ANGLES, _MIDDLES))
 _ONE = ("angle", "middle", "duration")
-FINITE_TURN = Motion("finite turn", 1, _ONE, turning_path, _grid(_ANGLES, _MIDDLES, (-1.3,)))
+FINITE_TURN = Motion(
+    "finite turn", 1, _ONE, turning_path, _grid(_ANGLES, _MIDDLES, (-1.3,)), odds=0.5
+)
+TWO_LEGS = Motion(
+    "two legs",
+    1,
+    ("angle", "middle"),
+    legs_path,
+    _grid(_ANGLES, _MIDDLES),
+    odds=0.5,
+    like=FINITE_TURN.name,
+)
 THREE_LEGS = Motion("three legs", 1, _ONE + _ONE, turning_path, _two_turns())
 
 FAMILY = (

@@ -78,7 +78,8 @@ class Solution(NamedTuple):
         interval: of the range at the last bearing, always there.
         line: bearing, bearing rate, range rate by range at the last bearing.
         velocities: what velocity goes with what range.
-        candidates: motions by falling weight: the winner, the runner-up, ...
+        candidates: motions by falling weight of their kind, then their own: the winner, the
+            runner-up, ...
         alarm: no motion that was tried explains the bearings.
         used: bearings that counted.
         last_s: time of the last one.
@@ -98,7 +99,7 @@ class Solution(NamedTuple):
 
     @property
     def winner(self) -> Candidate | None:
-        """The most probable motion."""
+        """The most probable motion of the most probable kind."""
         return self.candidates[0] if self.candidates else None
 
     @property

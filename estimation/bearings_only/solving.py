@@ -184,17 +184,21 @@ def _judged(tried: list[_Fit], scene: Scene, column: int) -> Solution:
 
 
 def _ranked(tried: list[_Fit]) -> tuple[list[_Fit], Array, tuple[Candidate, ...]]:
-    """Fits by falling weight of their motion, then their own; these weights; the motions."""
+    """Fits by falling weight of their kind, their motion, their own; weights; the motions."""
     evidence = np.array([fit.log_evidence for fit in tried])
     weights = np.exp(evidence - evidence.max())
     weights /= weights.sum()
-    total: dict[str, float] = {}
+    of_kind, total = dict[str, float](), dict[str, float]()
     for fit, weight in zip(tried, weights.tolist(), strict=True):
-        total[fit.motion.name] = total.get(fit.motion.name, 0.0) + weight
-    order = sorted(
-        range(len(tried)),
-        key=lambda i: (-total[tried[i].motion.name], tried[i].motion.name, -weights[i]),
-    )
+        name, kind = fit.motion.name, fit.motion.kind
+        of_kind[kind] = of_kind.get(kind, 0.0) + weight
+        total[name] = total.get(name, 0.0) + weight
+
+    def rank(i: int) -> tuple[float, str, float, str, float]:
+        name, kind = tried[i].motion.name, tried[i].motion.kind
+        return -of_kind[kind], kind, -total[name], name, -weights[i]
+
+    order = sorted(range(len(tried)), key=rank)
     best = {tried[i].motion.name: tried[i] for i in reversed(order)}
     names = dict.fromkeys(tried[i].motion.name for i in order)
     candidates = tuple(best[name].candidate(total[name]) for name in names)

@@ -7,7 +7,11 @@ import pytest
 
 from bench.bearings_only.scenes import MOTIONS, benchmark, ensemble
 from estimation.bearings_only import (
+    CONSTANT_ACCELERATION,
     CONSTANT_VELOCITY,
+    FAMILY,
+    THREE_LEGS,
+    TURN_RATE,
     bearings,
     likely_ranges,
     maximum_likelihood,
@@ -57,21 +61,50 @@ def test_without_a_manoeuvre_they_are_open() -> None:
     assert np.isinf(found.high_m).all()
 
 
-def test_motions_are_named_once_and_the_winner_leads() -> None:
-    """Several minima of a motion are one candidate; the first of the mixture is its best."""
+KINDS = {motion.name: motion.kind for motion in (*FAMILY, THREE_LEGS)}
+
+
+def test_motions_are_named_once_and_the_likeliest_kind_leads() -> None:
+    """Several minima of a motion are one candidate, and forms of one kind stand together.
+
+    The first of the mixture is the best of the winner.
+    """
     scene = ensemble(np.random.default_rng(5), "finite turn", 40)
     several = 0
     for found in solve_many(scene.given):
         names = [c.motion for c in found.candidates]
         assert len(set(names)) == len(names)
-        weights = [c.weight for c in found.candidates]
-        assert weights == sorted(weights, reverse=True)
-        assert sum(weights) == pytest.approx(1)
+        assert sum(c.weight for c in found.candidates) == pytest.approx(1)
+        kinds = [KINDS[name] for name in names]
+        firsts = sorted(set(kinds), key=kinds.index)
+        assert kinds == sorted(kinds, key=firsts.index)
+        of_kind = [
+            [c.weight for c in found.candidates if KINDS[c.motion] == kind] for kind in firsts
+        ]
+        assert of_kind == [sorted(some, reverse=True) for some in of_kind]
+        shares = [sum(some) for some in of_kind]
+        assert shares == sorted(shares, reverse=True)
         assert found.mixture[0][1].motion.name == names[0]
         assert sum(share for share, _ in found.mixture) == pytest.approx(1)
         mixed = [estimate.motion.name for _, estimate in found.mixture]
         several += len(set(mixed)) < len(mixed)
     assert several
+
+
+def test_odds_count_as_much_as_bearings() -> None:
+    """Ten times the odds against all others are ten times the weight against each."""
+    scene = benchmark(np.random.default_rng(7), "S", "C", 60, 3)
+    motions = (CONSTANT_VELOCITY, CONSTANT_ACCELERATION, TURN_RATE)
+    likelier = (*motions[:2], TURN_RATE._replace(odds=10 * TURN_RATE.odds))
+    for one, other in zip(
+        solve_many(scene.given, motions=motions),
+        solve_many(scene.given, motions=likelier),
+        strict=True,
+    ):
+        before, after = ({c.motion: c.weight for c in s.candidates} for s in (one, other))
+        names = [CONSTANT_ACCELERATION.name, TURN_RATE.name]
+        ratios = [some[names[1]] / some[names[0]] for some in (before, after)]
+        assert ratios[1] == pytest.approx(10 * ratios[0])
 
 
 @pytest.mark.slow
