@@ -84,12 +84,20 @@ def _carried_out(arguments: Sequence[str] | None) -> int | None:
     try:
         code: int | None = new_app()(arguments)
     except CycloptsError as error:
-        _explain(f"{error} See `{_help_for(error)}`.")
+        _explain(f"{_in_words(error)} See `{_help_for(error)}`.")
         return BAD_USE
     except CrossfixError as error:
         _explain(str(error))
         return error.exit_code
     return code
+
+
+def _in_words(error: CycloptsError) -> str:
+    from cyclopts import UnusedCliTokensError
+
+    if isinstance(error, UnusedCliTokensError):
+        return f"Nothing can be done with {' '.join(error.unused_tokens or ())}."
+    return str(error)
 
 
 def _help_for(error: CycloptsError) -> str:

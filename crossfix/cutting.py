@@ -73,7 +73,8 @@ def cut(
             done += 1
             show(done, message.log_time_ns)
         if not done:
-            raise RecordingError("nothing is left", where=recording.header.run, got=str(selection))
+            hint = "keys and times as `crossfix info` shows them"
+            raise RecordingError("nothing is left", got=str(selection), expected=hint)
         writer.close(end_of(recording, "cut", done))
     return Cut(made(path, done), total - done, len(restated))
 

@@ -30,6 +30,15 @@ class Selection(NamedTuple):
     keys: Sequence[str] = ()
     without: Sequence[str] = ()
 
+    def __str__(self) -> str:
+        """As the options of a command line."""
+        said = [f"--start {self.start_s:g}"] if self.start_s else []
+        said += [f"--until {self.until_s:g}"] if self.until_s is not None else []
+        said += [f"--role {role.value}" for role in self.roles]
+        said += [f"--keys {pattern}" for pattern in self.keys]
+        said += [f"--without {pattern}" for pattern in self.without]
+        return " ".join(said) or "everything"
+
     def wants(self, message: Recorded) -> bool:
         """Whether a message is meant, whatever its time."""
         channel = channel_of(message.key)
@@ -76,12 +85,12 @@ def latched_before(recording: Recording, selection: Selection, start_ns: int) ->
 def _times_ns(recording: Recording, selection: Selection) -> tuple[int, int]:
     start_s, until_s = selection.start_s, selection.until_s
     if not 0 <= start_s < 1e9 or (until_s is not None and not start_s < until_s < 1e9):
-        got = f"{start_s:g} s to {until_s} s"
+        got = f"{start_s:g} s to {'the end' if until_s is None else f'{until_s:g} s'}"
         raise CrossfixError("no span of time", got=got, expected="--start below --until, from 0 on")
     first_ns = start_of(recording)
     last_ns = max((span.end_ns for span in recording.index.spans), default=0)
     start_ns = first_ns + round(start_s * 1e9)
     if start_ns > last_ns:
-        lasts = f"it lasts {(last_ns - first_ns) * 1e-9:g} s"
-        raise CrossfixError("begins behind its end", got=f"{start_s:g} s", expected=lasts)
+        lasts = f"no more than the {(last_ns - first_ns) * 1e-9:g} s it lasts"
+        raise CrossfixError("--start is behind the end", got=f"{start_s:g}", expected=lasts)
     return start_ns, NEVER_NS if until_s is None else first_ns + round(until_s * 1e9)

@@ -40,7 +40,9 @@ def merge(
     from schemas.recording.reader import open_recording
 
     if len(recordings) < 2:
-        raise CrossfixError("nothing to merge", got=len(recordings), expected="two recordings")
+        raise CrossfixError(
+            "nothing to merge with", got=len(recordings), expected="two recordings or more"
+        )
     with ExitStack() as stack:
         opened = [stack.enter_context(open_recording(path)) for path in recordings]
         show = stack.enter_context(reading(opened[0], "merge"))

@@ -28,7 +28,8 @@ def verify(
 
     Reads everything, holds it against every checksum, and looks for each message that the fusion
     centre says it has fused; with one of them missing nothing is fused again. Exit code 0: all is
-    well; 1: an input is missing or an output differs; 2: the recording cannot be read.
+    well; 1: the file is torn or its index damaged, an input is missing, or an output differs; 2:
+    the recording cannot be read.
 
     ```
     crossfix verify recordings/strait.mcap --refuse
@@ -54,13 +55,15 @@ def verify(
     with open_recording(recording) as opened:
         opened.check()
         missing = missing_inputs(opened)
-        is_whole = not missing or is_torn(opened)
+        has_inputs = not missing or is_torn(opened)
         with reading(opened, "verify") as shown:
-            comparison = compare(opened, Rules(tolerance), shown) if refuse and is_whole else None
+            comparison = compare(opened, Rules(tolerance), shown) if refuse and has_inputs else None
         notes = _notes(opened, comparison)
+        is_whole = opened.index.is_whole
     show = _show_json if as_json else _show
-    show(recording, missing, comparison, notes)
-    return DIFFERENT if missing or (comparison and comparison.difference) else 0
+    show(recording, is_whole, missing, comparison, notes)
+    good = is_whole and not missing and not (comparison and comparison.difference)
+    return 0 if good else DIFFERENT
 
 
 def _notes(recording: Recording, comparison: Comparison | None) -> list[str]:
@@ -69,7 +72,8 @@ def _notes(recording: Recording, comparison: Comparison | None) -> list[str]:
 
     notes = []
     if recording.condition:
-        notes.append(recording.condition)
+        mended = "" if recording.index.is_whole else "; `crossfix recover` gives it an end"
+        notes.append(recording.condition + mended)
     if count := recording.unchecked:
         notes.append(f"{count} stretches of messages have no checksum: damage in them is not seen")
     if recording.end is None:
@@ -92,12 +96,19 @@ def _notes(recording: Recording, comparison: Comparison | None) -> list[str]:
 
 
 def _show(
-    path: Path, missing: list[StreamSpan], comparison: Comparison | None, notes: list[str]
+    path: Path,
+    is_whole: bool,
+    missing: list[StreamSpan],
+    comparison: Comparison | None,
+    notes: list[str],
 ) -> None:
     from rich.console import Console
 
     console = Console(highlight=False, soft_wrap=True)
-    console.print(f"{path}: every checksum holds")
+    if is_whole:
+        console.print(f"{path}: every checksum holds", markup=False)
+    else:
+        console.print(f"{path}: not whole; what is there holds its checksums", markup=False)
     for note in notes:
         console.print(f"note: {note}", style="yellow", markup=False)
     for span in missing:
@@ -126,11 +137,16 @@ def _verdict(comparison: Comparison) -> str:
 
 
 def _show_json(
-    path: Path, missing: list[StreamSpan], comparison: Comparison | None, notes: list[str]
+    path: Path,
+    is_whole: bool,
+    missing: list[StreamSpan],
+    comparison: Comparison | None,
+    notes: list[str],
 ) -> None:
     import msgspec
 
-    facts: dict[str, Any] = {"recording": str(path), "missing": missing, "notes": notes}
+    facts: dict[str, Any] = {"recording": str(path), "whole": is_whole}
+    facts |= {"missing": missing, "notes": notes}
     if comparison:
         difference = comparison.difference
         facts |= comparison._asdict() | {"difference": difference and difference._asdict()}

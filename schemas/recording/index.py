@@ -77,6 +77,7 @@ class Index(NamedTuple):
         attachments: where they are.
         data_end: offset of the end of the data, 0 = there is none.
         condition: what is wrong with the file, empty if nothing.
+        is_whole: whether nothing of it is missing or damaged; it may lack an index all the same.
         damage: the error at which reading ends, after the spans.
     """
 
@@ -88,6 +89,7 @@ class Index(NamedTuple):
     attachments: list[Frame]
     data_end: int
     condition: str = ""
+    is_whole: bool = True
     damage: RecordingError | None = None
 
 
@@ -96,7 +98,7 @@ def index_of(source: Source) -> Index:
     try:
         found = _from_summary(source)
     except RecordingError as error:
-        return _scan(source)._replace(condition=f"index damaged: {error}")
+        return _scan(source)._replace(condition=f"index damaged: {error}", is_whole=False)
     return found or _scan(source)
 
 
@@ -106,12 +108,10 @@ def _from_summary(source: Source) -> Index | None:
     Raises:
         RecordingError: it is damaged.
     """
-    footer_at = source.size - len(MCAP0_MAGIC) - _FOOTER_BYTES
-    if footer_at < len(MCAP0_MAGIC) + _DATA_END_BYTES:
+    tail = _footer(source)
+    if tail is None:
         return None
-    tail = source.read(footer_at, _FOOTER_BYTES + len(MCAP0_MAGIC))
-    if HEAD.unpack_from(tail) != (Opcode.FOOTER, 20) or not tail.endswith(MCAP0_MAGIC):
-        return None
+    footer_at = source.size - len(tail)
     footer = parse_body(source, Footer, tail[HEAD.size : _FOOTER_BYTES], footer_at)
     if footer.summary_start == 0:
         return None
@@ -122,6 +122,16 @@ def _from_summary(source: Source) -> Index | None:
     if footer.summary_crc not in (0, crc):
         raise source.damaged("CRC of the summary differs", footer.summary_start)
     return _read_summary(source, summary, footer.summary_start)
+
+
+def _footer(source: Source) -> bytes | None:
+    """The last record and the magic behind it; None where the file does not end with them."""
+    footer_at = source.size - len(MCAP0_MAGIC) - _FOOTER_BYTES
+    if footer_at < len(MCAP0_MAGIC) + _DATA_END_BYTES:
+        return None
+    tail = source.read(footer_at, source.size - footer_at)
+    is_footer = HEAD.unpack_from(tail) == (Opcode.FOOTER, 20) and tail.endswith(MCAP0_MAGIC)
+    return tail if is_footer else None
 
 
 def _read_summary(source: Source, summary: bytes, start: int) -> Index | None:
@@ -150,14 +160,15 @@ def _scan(source: Source) -> Index:
     try:
         for frame in frames(source, end):
             if frame.opcode == Opcode.DATA_END:
-                return scan.index()._replace(data_end=frame.offset, condition="no whole index")
+                found = scan.index()._replace(data_end=frame.offset, condition="no whole index")
+                return found._replace(is_whole=_footer(source) is not None)
             scan.take(frame)
             end = frame.end
     except RecordingError as error:
-        return scan.index()._replace(condition=str(error), damage=error)
+        return scan.index()._replace(condition=str(error), is_whole=False, damage=error)
     rest = source.size - end
     torn = f"torn at byte {end}, {rest} bytes of it not read" if rest else "no end"
-    return scan.index()._replace(condition=f"unfinished: {torn}")
+    return scan.index()._replace(condition=f"unfinished: {torn}", is_whole=False)
 
 
 class _Scan:

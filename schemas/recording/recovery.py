@@ -3,7 +3,8 @@
 What is whole stays where it is, byte for byte; the torn end is cut off, what decompresses of a
 torn chunk is written anew, and the summary is made as the recorder would have made it. Every chunk
 is decompressed and held against its CRC on the way, but its messages are not looked at: how many
-they are stands in the index behind it.
+they are stands in the index behind it. Messages outside of chunks, as other writers leave them, go
+into chunks where there is a new file for them.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ from mcap.records import Channel, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from ..errors import RecordingError
+from .builder import CHUNK_BYTES
 from .contents import END, RUN, RunEnd, RunHeader, from_metadata, to_metadata
-from .index import index_of
+from .index import Index, index_of
 from .records import (
     HEAD,
     MAX_RECORD_BYTES,
@@ -63,7 +65,7 @@ class Recovery(NamedTuple):
 
 
 class _Whole(NamedTuple):
-    """A record that stays; of a chunk, also the indexes behind it, by channel."""
+    """A record that stays, or a run of messages; of a chunk, also the indexes behind it."""
 
     frame: Frame
     indexes: dict[int, Frame]
@@ -81,6 +83,11 @@ class _Found(NamedTuple):
     bad: list[Frame]
     damage: list[str]
     end: int
+
+    @property
+    def has_bare(self) -> bool:
+        """Whether there are messages outside of chunks."""
+        return any(one.frame.opcode == Opcode.MESSAGE for one in self.whole)
 
     @property
     def is_bad_within(self) -> bool:
@@ -109,18 +116,27 @@ def recover(path: Path, target: Path | None = None) -> Recovery:
             why = f"no metadata {RUN}"
             raise RecordingError("not a recording of crossfix", where=source.name, got=why)
         from_metadata(RunHeader, texts[RUN], source.name)  # one of a newer format is left alone
-        if target is None and found.is_bad_within:
-            raise RecordingError(
-                "damaged before its end",
-                where=source.name,
-                got=found.damage[0],
-                expected="--output NEW, which keeps what is good before and after",
-            )
-        if target is None and not (found.end or found.bad or index_of(source).condition):
-            return _untouched(source)
+        if target is None:
+            index = index_of(source)
+            _require_mendable(source, found, index)
+            if index.is_whole and (found.has_bare or not index.condition):
+                return _untouched(source, index)
         return _write(source, found, target or path, has_end=END in texts)
     finally:
         source.close()
+
+
+def _require_mendable(source: Source, found: _Found, index: Index) -> None:
+    """Refuse to mend in place what would lose something good by it."""
+    if found.is_bad_within:
+        what, got = "damaged before its end", found.damage[0]
+        keeps = "keeps what is good before and after"
+    elif found.has_bare and not index.is_whole:
+        what, got = "cannot be mended in place", "messages outside of chunks"
+        keeps = "puts them into chunks"
+    else:
+        return
+    raise RecordingError(what, where=source.name, got=got, expected=f"--output NEW, which {keeps}")
 
 
 def _look_through(source: Source) -> _Found:
@@ -153,6 +169,9 @@ def _check(source: Source, frame: Frame, found: _Found) -> None:
             raise source.damaged("no message index", frame.offset)
         found.whole[-1].indexes[channel] = frame
         return
+    if frame.opcode == Opcode.MESSAGE:
+        _check_message(source, frame, found)
+        return
     if frame.opcode == Opcode.CHUNK:
         chunk_data(source, frame)
     elif frame.opcode == Opcode.ATTACHMENT:
@@ -162,6 +181,19 @@ def _check(source: Source, frame: Frame, found: _Found) -> None:
     elif frame.opcode not in (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL):
         raise source.damaged(f"no place for opcode {frame.opcode:#x}", frame.offset)
     found.whole.append(_Whole(frame, {}))
+
+
+def _check_message(source: Source, frame: Frame, found: _Found) -> None:
+    """Keep a message outside of a chunk: as one run with those before it, up to some size."""
+    if frame.length < _MESSAGE.size:
+        raise source.damaged("no message", frame.offset)
+    run = found.whole[-1].frame if found.whole else frame
+    follows = run.opcode == Opcode.MESSAGE and run.end == frame.offset
+    if follows and frame.end - run.offset <= CHUNK_BYTES:
+        length = frame.end - run.offset - HEAD.size
+        found.whole[-1] = _Whole(Frame(Opcode.MESSAGE, run.offset, length), {})
+    else:
+        found.whole.append(_Whole(frame, {}))
 
 
 def _follows_a_chunk(found: _Found) -> bool:
@@ -176,8 +208,8 @@ def _metadata(source: Source, found: _Found) -> dict[str, dict[str, str]]:
     return {record.name: record.metadata for record in records}
 
 
-def _untouched(source: Source) -> Recovery:
-    messages = sum(index_of(source).counts.values())
+def _untouched(source: Source, index: Index) -> Recovery:
+    messages = sum(index.counts.values())
     return Recovery(source.name, True, messages, 0, source.size, source.size, 0, ())
 
 
@@ -216,6 +248,10 @@ def _write(source: Source, found: _Found, target: Path, *, has_end: bool) -> Rec
 
 def _take(source: Source, resumed: Resumed, one: _Whole, found: _Found) -> None:
     """Take a record over; behind a lost chunk with what the index knows of its channels."""
+    if one.frame.opcode == Opcode.MESSAGE:
+        _take_run(source, resumed, one.frame, found)
+        return
+    resumed.flush()
     if one.frame.opcode != Opcode.CHUNK:
         resumed.take(one.frame)
         return
@@ -227,6 +263,15 @@ def _take(source: Source, resumed: Resumed, one: _Whole, found: _Found) -> None:
     except RecordingError as error:
         found.bad.append(one.frame)
         found.damage.append(str(error))
+
+
+def _take_run(source: Source, resumed: Resumed, run: Frame, found: _Found) -> None:
+    """Put a run of messages into a chunk."""
+    data = source.read(run.offset, run.end - run.offset)
+    lost = sum(not resumed.write_again(record) for record in _records(source, data))
+    if lost:
+        found.bad.append(run)
+        found.damage.append(str(source.damaged(f"{lost} messages of no channel", run.offset)))
 
 
 def _end(messages: int) -> RunEnd:
@@ -282,6 +327,8 @@ def _records(source: Source, data: bytes) -> Iterator[Record]:
             return
         body = data[frame.body : frame.end]
         if frame.opcode == Opcode.MESSAGE:
+            if len(body) < _MESSAGE.size:
+                return
             yield (*_MESSAGE.unpack_from(body), body[_MESSAGE.size :])
         else:
             record = registered(source, frame, body)

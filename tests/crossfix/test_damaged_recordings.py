@@ -30,6 +30,7 @@ VERBS: dict[str, tuple[str, ...]] = {
     "foxglove": ("-o", NEW),
     "csv": ("-o", NEW),
     "czml": ("-o", NEW),
+    "report": ("--json",),
 }
 """Verb or format -> what follows the recording."""
 REFUSED, TAKEN = 2, (0, 1)
@@ -132,7 +133,7 @@ def test_without_its_scenario(
         for message in recording.messages():
             put(writer, message)
         writer.close(RunEnd(reason="finished"))
-    needs_it = {"verify", "refuse", "merge", "foxglove", "czml"}
+    needs_it = {"verify", "refuse", "merge", "foxglove", "czml", "report"}
     assert (run(verb, path) == REFUSED) == (verb in needs_it)
 
 

@@ -1,6 +1,7 @@
 """`verify`: what is whole passes, and whatever is spoilt is found and named."""
 
 import json
+import random
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from tests.crossfix.small_recording import (
 )
 from tests.fusion_center.scenes import two_ships
 
+SEED = 20260101
 OUTPUTS = sum(map(len, two_ships().run(STEPS)[1]))
 
 
@@ -134,10 +136,19 @@ def test_an_output_that_does_not_come_out(path: Path, crossfix: Crossfix) -> Non
 def test_a_torn_recording_is_compared_as_far_as_it_goes(path: Path, crossfix: Crossfix) -> None:
     record_torn(path)
     shown = crossfix("verify", path, "--refuse")
-    assert shown.code == 0, shown
+    assert shown.code == 1, shown
     assert f"{OUTPUTS - 1} outputs, all equal" in shown.out
+    assert "not whole" in shown.out
     assert "unfinished" in shown.out
     assert "1 outputs at the torn end were not compared" in shown.out
+
+
+def test_cut_off_anywhere_it_is_not_whole(path: Path, crossfix: Crossfix) -> None:
+    record(path)
+    data, chance = path.read_bytes(), random.Random(SEED)
+    for size in (*chance.sample(range(len(data)), 12), len(data) - 100, len(data) - 1):
+        path.write_bytes(data[:size])
+        assert crossfix("verify", path, "--json").code != 0, size
 
 
 def test_a_recording_without_outputs_has_nothing_to_compare(path: Path, crossfix: Crossfix) -> None:

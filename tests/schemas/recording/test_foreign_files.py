@@ -14,8 +14,10 @@ from mcap.writer import CompressionType, IndexType, Writer
 from schemas.errors import RecordingError
 from schemas.recording.contents import END, RUN, to_metadata
 from schemas.recording.reader import open_recording, summary
+from schemas.recording.recovery import recover
 from tests.schemas.recording.recordings import DONE, HEADER, Written, everything, messages, read
 
+SEED = 20260101
 STREAM = list(messages(300))
 FORMS: dict[str, dict[str, Any]] = {
     "lz4": {"compression": CompressionType.LZ4, "chunk_size": 2000},
@@ -177,3 +179,58 @@ def test_an_altered_bit_is_an_error_or_changes_nothing_that_has_a_checksum(
         if has_checksums:
             assert found == STREAM[: len(found)]
             assert error is not None or len(found) == len(STREAM)
+
+
+@every_form
+@pytest.mark.parametrize("finish", [True, False], ids=["finished", "unfinished"])
+def test_recovered_into_a_new_file_nothing_is_lost(
+    path: Path, tmp_path: Path, form: Any, finish: bool
+) -> None:
+    write_plainly(path, STREAM, finish=finish, **form)
+    done = recover(path, tmp_path / "new.mcap")
+    assert (done.damage, done.messages) == ((), 2 * len(STREAM))
+    with open_recording(tmp_path / "new.mcap") as recording:
+        assert (recording.condition, recording.end) == ("", DONE)
+        assert everything(recording) == STREAM
+        recording.check()
+        assert recording.unchecked == 0 or form.get("enable_crcs") is False
+
+
+def test_messages_outside_of_chunks_torn_anywhere_are_a_prefix(path: Path, tmp_path: Path) -> None:
+    write_plainly(path, STREAM[:100], use_chunking=False)
+    data, chance = path.read_bytes(), random.Random(SEED)
+    for number, size in enumerate(chance.sample(range(len(data)), 40)):
+        path.write_bytes(data[:size])
+        new = tmp_path / f"{number}.mcap"
+        try:
+            there = read_as_far_as_it_goes(path)[0]
+            done = recover(path, new)
+        except RecordingError:
+            assert size < 1000, size
+            continue
+        with open_recording(new) as recording:
+            assert recording.condition == ""
+            assert everything(recording) == there == STREAM[: len(there)]
+        assert not done.damage
+
+
+def test_messages_outside_of_chunks_are_not_moved_in_place(path: Path) -> None:
+    write_plainly(path, STREAM, use_chunking=False)
+    data = path.read_bytes()
+    assert recover(path).was_whole
+    path.write_bytes(data[:20_000])
+    with pytest.raises(RecordingError, match=r"messages outside of chunks.*--output NEW"):
+        recover(path)
+    assert path.read_bytes() == data[:20_000]
+
+
+def test_a_message_of_no_channel_is_lost_aloud(path: Path, tmp_path: Path) -> None:
+    with path.open("wb") as file:
+        writer = Writer(file, use_chunking=False)
+        writer.start()
+        writer.add_metadata(RUN, to_metadata(HEADER))
+        writer.add_message(7, 1, b"x", 1)
+        writer.finish()  # type: ignore[no-untyped-call]
+    done = recover(path, tmp_path / "new.mcap")
+    assert done.messages == 0
+    assert "1 messages of no channel" in done.damage[0]
