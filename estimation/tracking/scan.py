@@ -9,9 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.arrays import Array
+from estimation.frames import wrap_pi
 from estimation.tracking.features import Said
 from estimation.tracking.innovations import Common
 from estimation.tracking.measurements import Measurement
+
+_LEAST = 1e-9  # of what is divided by
 
 
 class View(NamedTuple):
@@ -38,6 +41,30 @@ class View(NamedTuple):
             turned = (np.arctan2(east, north) - self.start_rad) % (2 * math.pi)
             inside &= turned <= self.width_rad
         return inside
+
+    def chance(self, place_m: Array, covariance_m2: Array) -> Array:
+        """Probability (n,) that targets at places (2, n) of covariances (2, 2, n) are in view.
+
+        Range and bearing as if they were independent and normal. A target at the edge is neither
+        surely seen nor surely missed: else its plots would begin one new track after another.
+        """
+        from scipy.special import ndtr  # noqa: PLC0415  (0.1 s, at the first use)
+
+        off = place_m - np.asarray(self.site_m)[:, None]
+        far = np.maximum(np.hypot(*off), _LEAST)
+        along = off / far
+        across = np.stack([along[1], -along[0]])
+        sigma_range, sigma_across = (
+            np.sqrt(np.maximum(np.einsum("in,ijn,jn->n", axis, covariance_m2, axis), _LEAST))
+            for axis in (along, across)
+        )
+        inside = ndtr((self.range_max_m - far) / sigma_range)
+        inside -= ndtr((self.range_min_m - far) / sigma_range) if self.range_min_m else 0.0
+        if self.width_rad < 2 * math.pi:
+            middle = self.start_rad + self.width_rad / 2
+            aside = np.abs(wrap_pi(np.arctan2(*off) - middle))
+            inside *= ndtr((self.width_rad / 2 - aside) * far / sigma_across)
+        return np.asarray(np.maximum(inside, 0.0))
 
 
 class Scan(NamedTuple):

@@ -135,7 +135,8 @@ def step(
     classes, layout = np.asarray(settings.classes), settings.features
     lone = alone(now.undetected, scan, settings.motion, classes, layout)
     place, spread = imm.combined(now.tracks.bank)
-    detection = np.where(scan.view.holds(place[:2]), min(scan.detection, _SUREST), 0.0)
+    in_view = scan.view.chance(place[:2], spread[:2, :2])
+    detection = min(scan.detection, _SUREST) * in_view
     candidates = bernoulli.candidates(now.tracks, pairs, detection, lone.density)
     marginals = settings.associate(candidates)
     old, rest = bernoulli.updated(now.tracks, pairs, marginals, detection, scan.features)
