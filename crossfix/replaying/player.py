@@ -142,12 +142,13 @@ class Player:
         for message in latched:
             self._publish(message)
         self.sent += len(latched)
-        time_ns = self._playlist.time_ns
+        time_ns, publish = self._playlist.time_ns, self._publish
         for message in self._playlist.messages(t_ns):
-            if not self._free and not self._may_go(time_ns(message)):
+            now_ns = time_ns(message)
+            if not self._free and not self._may_go(now_ns):
                 return
-            self._publish(message)
-            self.t_ns = time_ns(message)
+            publish(message)
+            self.t_ns = now_ns
             self.sent += 1
             if self.sent % SHOW_EVERY == 0:
                 self._watch()

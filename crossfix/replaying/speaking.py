@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import msgspec
 
@@ -43,11 +42,8 @@ class _Lane:
     last: Sample | None = None
 
 
-class _Kept(NamedTuple):
-    lane: _Lane
-    sequence: int
-    payload: bytes
-    encoding: str
+_Kept = tuple[_Lane, int, bytes, str]
+"""Lane, sequence, payload and encoding of a message that was published."""
 
 
 class Speaker:
@@ -67,17 +63,17 @@ class Speaker:
 
     def __call__(self, message: Recorded) -> None:
         """Publish one message, and keep it for those who miss it."""
-        lane = self._lanes.get(message.key) or self._open(message.key, message.address)
-        payload = message.payload
+        address, key, payload, encoding, _, _, sequence = message
+        lane = self._lanes.get(key) or self._open(key, address)
         if lane.rename is not None:
             payload = self._renames.rewritten(message, lane.rename)
-        self._kept.append(_Kept(lane, message.sequence, payload, message.encoding))
+        self._kept.append((lane, sequence, payload, encoding))
         self._bytes += len(payload) + OVERHEAD_BYTES
         while self._bytes > KEEP_BYTES:
-            self._bytes -= len(self._kept.popleft().payload) + OVERHEAD_BYTES
-        self._bus.publish(lane.key, payload, message.encoding, lane.qos)
+            self._bytes -= len(self._kept.popleft()[2]) + OVERHEAD_BYTES
+        self._bus.publish(lane.key, payload, encoding, lane.qos)
         if lane.latched:
-            self._latch(lane, Sample(lane.key, payload, message.encoding))
+            self._latch(lane, Sample(lane.key, payload, encoding))
 
     def prepare(self, recording: Recording, roles: Container[keys.Role]) -> None:
         """Declare what will be answered for, so that no message has to wait for that."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
+from operator import attrgetter
 from struct import Struct
 from struct import error as StructError  # noqa: N812 - a class, whatever it is called
 from typing import NamedTuple
@@ -91,14 +92,10 @@ def in_file_order(spans: Iterable[Span], read: ReadSpan) -> Iterator[Recorded]:
 TimeOf = Callable[[Recorded], int]
 
 
-def log_time_ns(message: Recorded) -> int:
-    """When it arrived, by the recorder's clock."""
-    return message.log_time_ns
-
-
-def stamp_ns(message: Recorded) -> int:
-    """When it was sent, by the sender's clock."""
-    return message.publish_time_ns
+log_time_ns: TimeOf = attrgetter("log_time_ns")
+"""When a message arrived, by the recorder's clock."""
+stamp_ns: TimeOf = attrgetter("publish_time_ns")
+"""When it was sent, by the sender's clock."""
 
 
 def in_time_order(
