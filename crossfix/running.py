@@ -17,7 +17,7 @@ from sim_world.scenario import load_scenario, parse_override
 
 from .commands.run import RunOptions
 from .commands.verify import verify
-from .launch import Child, Launch, free_endpoint
+from .launch import DEFAULT_PORT, Child, Launch, free_endpoint
 from .new_file import new_recording, require_new
 from .picture import require_bokeh
 from .progress import Watcher, new_console
@@ -46,6 +46,8 @@ def carry_out(path: Path, options: RunOptions) -> int:
     ):
         if options.connect:
             _refuse_if_alive(run, endpoint)
+        if options.connect is None and not endpoint.endswith(f":{DEFAULT_PORT}"):
+            watcher.say("launch", f"port {DEFAULT_PORT} is taken: join with --connect {endpoint}")
         _on_interrupt(lambda: launch.interrupt(begun=watcher.steps_seen > 0))
         launch.start(processes(path, declared, run, recording, endpoint, options))
         with open_bus(endpoint, HUB_S) as bus:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from math import isnan, nan
+from math import isnan
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
@@ -41,9 +41,6 @@ PICTURE_HEADINGS = (
     "targets", "tracks", "missed", "false", "GOSPA", "error", "NEES/dim", "names changed"
 )  # fmt: skip
 
-NOTHING = 1e-6
-"""An error below this [m, rad] is none: known frames have no ratio."""
-
 
 def show_results(path: Path, *, as_json: bool = False) -> None:
     """Print what can be held against the truth: frames, alignment, picture, where there are any.
@@ -66,9 +63,12 @@ def print_frames(summaries: list[FrameSummary]) -> None:
     table = _table("Error of each carrier's frame before and after correction", NOTE)
     _add_errors(table, "carrier", "before", "after")
     for s in summaries:
-        place = _change(s.before_m, s.after_m, metres)
-        fixed = _change(s.fixed_before_m, s.fixed_after_m, metres)
-        north = _change(s.before_rad, s.after_rad, _degrees)
+        if isnan(s.before_m):  # of a stranger nobody knows the truth
+            table.add_row(s.carrier, s.state, end_section=True)
+            continue
+        place = metres(s.before_m), metres(s.after_m)
+        fixed = metres(s.fixed_before_m), metres(s.fixed_after_m)
+        north = _degrees(s.before_rad), _degrees(s.after_rad)
         nees = quantity(s.nees / 3, ".2f")
         table.add_row(s.carrier, "place, own axes", *place, metres(s.sigma_m), nees)
         table.add_row(s.state, "place, fixed axes", *fixed)
@@ -125,16 +125,16 @@ def not_observable(alignment: WholeAlignment) -> list[str]:
 def alignment_rows(
     s: AlignmentSummary, angle: Callable[[float], str] = degrees
 ) -> Sequence[tuple[str, ...]]:
-    """Rows of carrier, what, reported, found, ratio, sigma, NEES/dim; known constants have none."""
+    """Rows of carrier, what, reported, found, sigma, NEES/dim; known constants have none."""
     nees = quantity(s.nees_per_dimension, ".2f")
-    place = _change(s.reported_m, s.found_m, metres)
+    place = metres(s.reported_m), metres(s.found_m)
     rows = [(s.carrier, "place", *place, metres(s.sigma_m), nees)]
     names = iter([s.status, f"{s.ranges} ranges"])
     if s.sigma_rad > 0:
-        north = _change(s.reported_rad, s.found_rad, angle)
+        north = angle(s.reported_rad), angle(s.found_rad)
         rows.append((next(names), "north", *north, angle(s.sigma_rad), ""))
     if s.sigma_s > 0:
-        clock = _change(s.reported_s, s.found_s, _seconds)
+        clock = _seconds(s.reported_s), _seconds(s.found_s)
         rows.append((next(names), "clock", *clock, _seconds(s.sigma_s), ""))
     return rows
 
@@ -176,13 +176,8 @@ def _table(title: str, note: str) -> Table:
 def _add_errors(table: Table, whose: str, before: str, after: str) -> None:
     for heading in (whose, "error of"):
         table.add_column(heading, no_wrap=True)
-    for heading in (before, after, "ratio", "sigma", "NEES/dim"):
+    for heading in (before, after, "sigma", "NEES/dim"):
         table.add_column(heading, justify="right", no_wrap=True)
-
-
-def _change(before: float, after: float, told: Callable[[float], str]) -> tuple[str, str, str]:
-    ratio = after / before if before > NOTHING else nan
-    return told(before), told(after), quantity(ratio, ".4f")
 
 
 def _degrees(radians: float) -> str:

@@ -14,6 +14,7 @@ import json
 import queue
 import random
 import secrets
+import sys
 import time
 from collections import defaultdict
 from math import atan2, cos, degrees, dist, pi, radians, sin
@@ -208,7 +209,11 @@ def main() -> None:
             }
         )
     )
-    with zenoh.open(config) as session:
+    try:
+        session = zenoh.open(config)
+    except zenoh.ZError:
+        sys.exit(f"no hub at {given.connect}: `crossfix run` says where it listens")
+    with session:
         try:
             reason = take_part(session, given.run, given.name, answer=given.answer_steps)
         except TimeoutError:

@@ -204,7 +204,7 @@ def summarise_alignment(errors: Sequence[AlignmentError], last: AlignedCarrier) 
 def summarise_beacons(
     scenario: DeclaredScenario, last: Alignment, true_m: Mapping[str, np.ndarray]
 ) -> list[BeaconSummary]:
-    """Every beacon of an alignment.
+    """Every beacon of an alignment, but those whose place is declared to be known.
 
     Args:
         true_m: (3,) of each beacon whose place is known in truth, see `true_beacons_m`.
@@ -213,6 +213,8 @@ def summarise_beacons(
     here = Site(*(getattr(scenario.origin, name) for name in scenario.origin.__struct_fields__))
     summaries = []
     for told in last.beacons:
+        if not any(told.covariance):
+            continue
         before, true = declared[told.beacon], true_m.get(told.beacon, np.full(3, NAN))
         there = Site(before.latitude_rad, before.longitude_rad, before.altitude_m)
         found = np.array(told.position_m)

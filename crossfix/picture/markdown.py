@@ -120,7 +120,7 @@ def _alignment(f: Figures) -> Iterator[str]:
     yield ""
     yield ALIGNMENT_NOTE
     yield ""
-    headings = ("carrier", "error of", "reported", "found", "ratio", "sigma", "NEES/dim")
+    headings = ("carrier", "error of", "reported", "found", "sigma", "NEES/dim")
     yield from _table(headings, [row for c in f.alignment for row in alignment_rows(c)])
     yield ""
     for b in f.beacons:

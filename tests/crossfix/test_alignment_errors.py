@@ -138,6 +138,8 @@ def test_beacons_are_held_against_where_they_truly_are(scenario: Scenario) -> No
         assert found.found_m == pytest.approx(13)
         assert found.sigma_m == pytest.approx(3)
         assert 10 < found.declared_m < 200  # drawn from 50 m in each of three directions
+    surveyed = [replace(beacon, covariance=[0.0] * 6) for beacon in told]
+    assert summarise_beacons(scenario.declared, replace(last, beacons=surveyed), true_m) == []
     unknown = summarise_beacons(scenario.declared, last, true_beacons_m(None))
     assert all(np.isnan(found.found_m) for found in unknown)
 

@@ -16,7 +16,7 @@ from tests.project.test_documents import TOGETHER
 
 PUBLISHING = "docs/publishing.md"
 HERE = [
-    "crossfix run scenarios/strait.toml --rate 10",
+    "crossfix run scenarios/strait.toml --rate 2",
     "crossfix peek 'report/short/*' --run strait",
     "python examples/external_publisher.py --run strait",
     "crossfix check --run strait --carrier short",

@@ -19,7 +19,7 @@ NOT_RUN = {
 }
 """Commands of the README that are not run here, and why."""
 TOGETHER = [
-    "crossfix run scenarios/strait.toml --rate 10",
+    "crossfix run scenarios/strait.toml --rate 2",
     "python examples/external_publisher.py --run strait",
     "crossfix check --run strait --carrier visitor",
     "crossfix peek 'correction/**' --run strait",
