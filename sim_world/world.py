@@ -11,6 +11,8 @@ from .navigation import sail
 from .scenario import Scenario
 from .scenario.checks import feature_names, word_names
 from .scenario.declared import origin_of
+from .scenario.file import Carrier, ScenarioFile
+from .sensors import systematic_errors
 from .targets import plan_targets
 from .tracks_csv import Recordings
 
@@ -42,6 +44,9 @@ class World:
         self._voyages = {
             c.name: sail(scenario.file, c, origin, steps) for c in scenario.file.carriers
         }
+
+        biases = [_azimuth_bias_rad(scenario.file, c) for c in scenario.file.carriers]
+        self._azimuth_bias_rad = biases if any(biases) else []
 
     def step(self, step: int) -> tuple[TruthTargets, TruthCarriers]:
         """The truth of one step, 0 .. steps; whichever were asked for before."""
@@ -90,4 +95,11 @@ class World:
             heading_rad=[float(v.heading_rad[step]) for v in voyages],
             north_error_rad=[float(v.north_error_rad[step]) for v in voyages],
             clock_offset_s=[float(v.clock_offset_s[step]) for v in voyages],
+            azimuth_bias_rad=self._azimuth_bias_rad,
         )
+
+
+def _azimuth_bias_rad(file: ScenarioFile, carrier: Carrier) -> float:
+    """Of its first sensor; none of a carrier that has no sensor."""
+    errors = (systematic_errors(file, carrier.name, sensor) for sensor in carrier.sensors[:1])
+    return sum(error.azimuth_bias_rad for error in errors)

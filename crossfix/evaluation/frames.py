@@ -147,11 +147,13 @@ def true_frame(
     other: str,
     reported: tuple[Pose, Pose],
     t_ns: int,
+    by_sensors: bool = True,
 ) -> TrueFrame:
     """The truth that a correction with these reported poses estimates.
 
     Args:
         truth: the last step before the instant `t_ns` of the estimate.
+        by_sensors: what sensors add to all their bearings is in the frames, and not told apart.
 
     The rotation is what is left after the known difference of the norths at the two *reported*
     places, as the correction has it.
@@ -161,10 +163,17 @@ def true_frame(
     other_site = site_at(origin, place_at(truth, other_index, t_ns))
     own_from_other = target_from_source(own_site, other_site)
     fixed = own_from_other.translation_m[:2]
-    c1, c2 = truth.north_error_rad[own_index], truth.north_error_rad[other_index]
+    norths = truth.north_error_rad if not by_sensors else sensor_norths_rad(truth)
+    c1, c2 = norths[own_index], norths[other_index]
     known = yaw_rad(target_from_source(_site(reported[0]), _site(reported[1])))
     rotation = c2 - c1 + yaw_rad(own_from_other) - known
     return TrueFrame(rotation_clockwise(-c1) @ fixed, fixed, float(wrap_pi(rotation)))
+
+
+def sensor_norths_rad(truth: TruthCarriers) -> list[float]:
+    """Bearing of the north of each carrier's first sensor, clockwise from true north."""
+    added = truth.azimuth_bias_rad or [0.0] * len(truth.carrier)
+    return [north - bias for north, bias in zip(truth.north_error_rad, added, strict=True)]
 
 
 def summarise(
@@ -209,7 +218,9 @@ def _error(
     assert correction.own_pose is not None  # noqa: S101 (comes with own_axes)
     assert correction.other_pose is not None  # noqa: S101
     poses = (correction.own_pose, correction.other_pose)
-    true = true_frame(origin, truth, own, correction.carrier, poses, correction.valid_t_ns)
+    apart = any(term.name == "azimuth_bias_rad" for term in correction.terms)
+    t_ns, carrier = correction.valid_t_ns, correction.carrier
+    true = true_frame(origin, truth, own, carrier, poses, t_ns, by_sensors=not apart)
     reported = np.array([axes.reported_east_m, axes.reported_north_m])
     after = np.array([axes.east_m, axes.north_m]) - true.place_m
     after_rad = float(wrap_pi(axes.rotation_rad - true.rotation_rad))

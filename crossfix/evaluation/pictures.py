@@ -32,7 +32,7 @@ from schemas.messages import (
     TruthTargets,
 )
 
-from .frames import symmetric
+from .frames import sensor_norths_rad, symmetric
 
 CUTOFF_M = 500.0
 """GOSPA's c: a track further from all targets is false, a target further from all tracks missed."""
@@ -214,7 +214,7 @@ class Judge:
         )
         own = site_at(self._origin, here)
         seen = target_from_source(own, self._origin).apply(place)[:, :2]
-        seen = seen @ rotation_clockwise(-carriers.north_error_rad[index]).T
+        seen = seen @ rotation_clockwise(-sensor_norths_rad(carriers)[index]).T
         altitude = geodetic_from_enu(self._origin, place)[2]
         believed = Site(reported.latitude_rad, reported.longitude_rad, reported.altitude_m)
         enu = on_surface(believed, seen[:, 0], seen[:, 1], altitude)

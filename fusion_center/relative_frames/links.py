@@ -70,6 +70,8 @@ def _not_placed(state: State, name: str, t_ns: int, over_time: bool) -> Iterator
 def navigated(state: State, other: str, t_ns: int) -> tuple[Poses, RelativeFramePrior]:
     """Where navigation puts the own carrier and another at an instant, and how sure it is.
 
+    Frames are of sensors: what a source adds to all its bearings turns them as north does.
+
     Both must have navigation and a stated covariance, see `obstacle`.
     """
     poses, covariances = [], []
@@ -79,9 +81,15 @@ def navigated(state: State, other: str, t_ns: int) -> tuple[Poses, RelativeFrame
         if covariance is None:
             raise ValueError(f"nothing says how sure the pose of {name} is")
         poses.append(pose)
-        covariances.append(covariance)
+        covariances.append(covariance + np.diag([0.0, 0.0, _azimuth_variance(state, name)]))
     between = corrections.poses(t_ns, *poses)
     return between, registration.prior_of(between, *covariances)
+
+
+def _azimuth_variance(state: State, name: str) -> float:
+    """What a carrier's source declares of its bearings' common error; of several the largest."""
+    sources = state.sources(name).values()
+    return max((source.sigma_azimuth_bias_rad**2 for source in sources), default=0.0)
 
 
 def status(state: State, other: str, t_ns: int) -> tuple[Monitor, Estimate | None]:

@@ -50,6 +50,7 @@ class TruthCarriers(Struct, frozen=True, kw_only=True, omit_defaults=True):
         heading_rad: true heading of the bow.
         north_error_rad: bearing of the carrier's own north, clockwise from true north.
         clock_offset_s: the carrier's clock less true time.
+        azimuth_bias_rad: what its first sensor adds to every bearing; empty = none adds anything.
     """
 
     boot: Id
@@ -63,3 +64,4 @@ class TruthCarriers(Struct, frozen=True, kw_only=True, omit_defaults=True):
     heading_rad: list[Angle]
     north_error_rad: list[Angle] = []
     clock_offset_s: list[Seconds] = []
+    azimuth_bias_rad: list[Angle] = []
