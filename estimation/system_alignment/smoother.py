@@ -10,6 +10,7 @@ from scipy.special import chdtrc, expit
 
 from estimation.arrays import Array
 from estimation.bordered import Solution, block_covariances, descend, last_covariance, minimise
+from estimation.system_alignment.bends import mean_square
 from estimation.system_alignment.least_squares import least_squares
 from estimation.system_alignment.logs import DeadReckoning, Ranges
 from estimation.system_alignment.losses import ROBUST, Loss
@@ -47,8 +48,9 @@ class Alignment(NamedTuple):
 
     Attributes:
         theta: (7 + 4 J,) in the order of `parameters`.
-        covariance: (7 + 4 J, 7 + 4 J); zeros where a constant is known. Where a beacon may lie on
-            the other side of the path, the distance to there is in it by its probability.
+        covariance: (7 + 4 J, 7 + 4 J); zeros where a constant is known. Where the data leave an
+            arc, it is the mean square along it; where a beacon may lie on the other side of the
+            path, the distance to there is in it by its probability.
         path_m: (n, 2) places of the object, valid at the epochs.
         heading_error_rad: (n,) of the walk; zeros where headings are measured anew.
         cost: what was minimised, at the minimum.
@@ -128,8 +130,9 @@ def align(
     at = prior.mean if start is None else np.asarray(start, dtype=float)
     if method == "ls":
         model = Model(path, logs, prior)
-        found, size = least_squares(model, at[prior.free]), len(prior.free)
-        return _told(model, _Sides(found, np.zeros(prior.beacons), np.zeros((size, size))))
+        found = least_squares(model, at[prior.free])
+        nothing = np.zeros((len(found.theta),) * 2)
+        return _told(model, _Sides(found, np.zeros(prior.beacons), nothing, found.covariance))
     model = Model(path, logs, prior, losses[0])
     free = at[prior.free]
     x, free = (_approached if start is None else _softened)(model, free)
@@ -189,7 +192,7 @@ def _told(model: Model, sides: _Sides) -> Alignment:
     covariance = np.zeros_like(prior.covariance)
     covariance[np.ix_(free, free)] = found.covariance
     doubtful = covariance.copy()
-    doubtful[np.ix_(free, free)] += sides.spread
+    doubtful[np.ix_(free, free)] = sides.square + sides.spread
     theta = model.theta(found.theta)
     heading = found.x[:, 2] if model.block == 3 else np.zeros(len(found.x))
     return Alignment(
@@ -221,11 +224,13 @@ class _Sides(NamedTuple):
         found: the solution with every beacon on its more probable side.
         gap: (J,) what the other side costs.
         spread: (T, T) what the doubt adds to the covariance of the free constants.
+        square: (T, T) that covariance on this side.
     """
 
     found: Solution
     gap: Array
     spread: Array
+    square: Array
 
 
 def _mirrors(model: Model, found: Solution) -> _Sides:
@@ -253,7 +258,7 @@ def _mirrors(model: Model, found: Solution) -> _Sides:
         gap[beacon] = cost - found.cost
         apart = other - found.theta
         spread += expit(-gap[beacon] / 2) * np.outer(apart, apart)
-    return _Sides(found, gap, spread)
+    return _Sides(found, gap, spread, mean_square(model, found))
 
 
 def contradiction(prior: Prior, theta: Array, covariance: Array) -> PriorTest:
