@@ -9,10 +9,8 @@ from typing import NamedTuple
 from estimation.arrays import Array
 from schemas.messages import AssociatedTarget, FeatureQuality, Input, SourceQuality, SourceReport
 
-from .picture.watch import Look
-from .relative_frames.association import Method, Pair
 from .sources.logs import Absorbed
-from .sources.sightings import Sightings
+from .sources.sightings import Method, Pair, Sightings
 
 MOST_NIS = 1e12
 """No single misclosure counts for more."""
@@ -36,6 +34,20 @@ class _Row:
     associated: set[str] = field(default_factory=set)
     features: dict[str, FeatureQuality] = field(default_factory=dict)
     flags: dict[str, None] = field(default_factory=dict)
+
+
+class Look(NamedTuple):
+    """What one report had to do with the tracks.
+
+    Attributes:
+        taken, lone: plots that are of a track, and of none.
+        nis: summed over the taken; dof: degrees of freedom of it.
+    """
+
+    taken: int
+    lone: int
+    nis: float
+    dof: int
 
 
 class _Match(NamedTuple):

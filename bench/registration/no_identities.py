@@ -21,9 +21,9 @@ from estimation.arrays import Array
 from estimation.consistency import mean_interval, nees
 from estimation.frames import rotation_clockwise, wrap_pi
 from fusion_center.relative_frames import corrections, registration
-from fusion_center.relative_frames.association import Pair
 from fusion_center.relative_frames.links import navigated
 from fusion_center.relative_frames.views import View, in_own_plane, view
+from fusion_center.sources.sightings import Pair
 from fusion_center.state import Estimate, State
 from schemas.messages import TruthCarriers, TruthTargets
 from sim_world.scenario import Scenario, load_scenario, with_overrides

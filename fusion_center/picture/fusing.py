@@ -19,7 +19,7 @@ from estimation.tracking.tracker import Association, Picture
 from schemas.messages import Input, SourceProperties, SourceReport
 
 from ..navigation import NS
-from ..quality import Tally
+from ..quality import Look, Tally
 from ..sources.features import CLASS, NOTHING_LEARNED, reports
 from ..state import Learned, Notes, State, Watched, Word
 from ..timeline import Instant
@@ -27,7 +27,7 @@ from . import learning, names
 from .axes import placed
 from .classes import classes_of, named_classes
 from .scans import Plots, plots, told_key
-from .watch import Look, flags, look, names_are_believed, watched
+from .watch import flags, look, names_are_believed, watched
 from .ways import settings_of
 
 MINE = 0.5

@@ -6,12 +6,11 @@ again. What is flagged is still fused: the picture weighs plots by what is decla
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from estimation.tracking.tracker import Association
 
+from ..quality import Look
 from ..state import Watched
 from .names import Agreement
 
@@ -34,20 +33,6 @@ WRONG = 0.2
 
 
 NO_NAMES = Agreement()
-
-
-class Look(NamedTuple):
-    """What one report had to do with the tracks.
-
-    Attributes:
-        taken, lone: plots that are of a track, and of none.
-        nis: summed over the taken; dof: degrees of freedom of it.
-    """
-
-    taken: int
-    lone: int
-    nis: float
-    dof: int
 
 
 def look(done: Association, dimensions: int) -> Look:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,26 +11,9 @@ from estimation.arrays import Array, transposed
 from estimation.frames import rotation_clockwise
 from estimation.relative_frame import OwnAxesFrame
 
-from ..sources.sightings import Sightings
+from ..sources.sightings import Pair, Sightings
 from ..sources.telling import NOTHING_TELLS, Telling
 from ..state import Orders
-
-Method = Literal["operator", "identity", "coordinates"]
-
-
-class Pair(NamedTuple):
-    """Which of the own logs and which of the other carrier's, and why.
-
-    Attributes:
-        by_place, by_features: what each adds to the log-likelihood ratio on which coordinates and
-            features have decided together; 0 of other methods.
-    """
-
-    own: int
-    other: int
-    method: Method
-    by_place: float = 0.0
-    by_features: float = 0.0
 
 
 def associate(

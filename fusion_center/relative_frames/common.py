@@ -12,10 +12,10 @@ from estimation.arrays import Array, transposed
 from estimation.frames import rotation_clockwise
 from estimation.relative_frame import NetworkLogs, OwnAxesFrame, PolarLogs
 
-from ..sources.sightings import Sightings
+from ..sources.sightings import Method, Sightings
 from ..sources.telling import NOTHING_TELLS, Telling
 from ..state import Orders
-from .association import Method, associate
+from .association import associate
 from .views import View
 
 

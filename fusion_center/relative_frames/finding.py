@@ -24,10 +24,11 @@ from estimation.relative_frame.joint import composed
 from estimation.relative_frame.situation import reasons
 
 from ..quality import MOST_NIS, Tally
+from ..sources.sightings import Pair
 from ..sources.telling import telling
 from ..state import Estimate, Link, State
+from ..state.links import frames_without
 from . import corrections, frames, monitor, registration, search, surveyed
-from .association import Pair
 from .common import told_by_a_plot
 from .corrections import Misclosure
 from .moment import Moment
@@ -95,7 +96,7 @@ def with_search(state: State, moment: Moment, name: str, tally: Tally) -> State:
         doubts=0,
         watch=None,
     )
-    known = frames.forgotten(state.frames, name)
+    known = frames_without(state.frames, name)
     known = frames.joined_by(state, known, name, start.frame, moment.t_ns, start.through)
     return _with(replace(state, frames=known), name, link)
 

@@ -22,10 +22,11 @@ from estimation.relative_frame.joint import JointFrames
 from schemas.messages import SourceTerm
 
 from ..quality import MOST_NIS, Tally
+from ..sources.sightings import Pair
 from ..sources.telling import telling
 from ..state import Estimate, Frames, Link, Monitor, State
+from ..state.links import frames_without
 from . import corrections, frames, monitor, scans, search, surveyed, watching
-from .association import Pair
 from .common import Target, common_targets, network_logs, told_by_a_plot
 from .corrections import Misclosure
 from .moment import Moment
@@ -223,7 +224,7 @@ def _given_up(state: State, names: Sequence[str], reason: str) -> State:
         was_applied = link.monitor.state in ("applied", "suspended")
         judged = monitor.jumped(reason[: monitor.MAX_REASON])
         judged = judged if was_applied else replace(judged, state="observing")
-        kept: Frames | None = frames.forgotten(state.frames, name)
+        kept: Frames | None = frames_without(state.frames, name)
         fresh = Link(monitor=judged, estimate=link.estimate, events=link.events)
         state = _with(replace(state, frames=kept), name, fresh)
     return state

@@ -115,23 +115,6 @@ def joined_by(
     )
 
 
-def forgotten(frames: Frames | None, name: str) -> Frames | None:
-    """The frames without a carrier's."""
-    if frames is None or name not in frames.carriers:
-        return frames
-    if len(frames.carriers) == 1:
-        return None
-    gone = row(frames, name)
-    after = joint(frames).without(gone)
-    return replace(
-        improved(frames, after),
-        carriers=tuple(c for c in frames.carriers if c != name),
-        way_m=np.delete(frames.way_m, gone, axis=0),
-        heading_rad=np.delete(frames.heading_rad, gone),
-        north_variance=np.delete(frames.north_variance, gone),
-    )
-
-
 def row(frames: Frames, name: str) -> int:
     """Which row is a carrier's; the own carrier's is 0."""
     return frames.carriers.index(name) + 1

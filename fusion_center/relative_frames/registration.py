@@ -21,9 +21,8 @@ from estimation.relative_frame.closed_form import conditions
 from estimation.relative_frame.methods import Method, adjustment, linearised_once
 
 from ..navigation import site
-from ..sources.sightings import Sightings
+from ..sources.sightings import Pair, Sightings
 from ..state import Estimate
-from .association import Pair
 from .corrections import Misclosure, Poses, estimated
 
 METHODS: Mapping[str, Method] = {"closed_form": linearised_once, "adjustment": adjustment}

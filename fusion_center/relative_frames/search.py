@@ -24,9 +24,10 @@ from estimation.arrays import Array
 from estimation.relative_frame import OwnAxesFrame, PolarLogs, RelativeFramePrior
 
 from ..settings import RegistrationSettings
+from ..sources.sightings import Pair
 from ..sources.telling import NOTHING_TELLS, Telling
 from ..state import Orders
-from .association import Pair, certain, ruled_out
+from .association import certain, ruled_out
 from .views import View
 
 TELLING_MPS = 5.0

@@ -11,8 +11,8 @@ from schemas.messages import Closed, Input, Navigation, SourceInfo, SourceProper
 from .. import navigation, timeline
 from ..navigation import pose_at, site, way_m
 from ..quality import Tally
-from ..relative_frames.frames import forgotten
 from ..state import CarrierState, Link, Monitor, State
+from ..state.links import frames_without
 from .coordinates import Observer, instants_ns, places
 from .features import NOTHING_LEARNED
 from .logs import NO_LOGS, Rules, with_report
@@ -119,7 +119,7 @@ def _begun_anew(state: State, carrier: str) -> State:
         name: Link() if carrier in (name, state.own) else link for name, link in state.links.items()
     }
     window = {key: t for key, t in state.window.items() if _carrier_of(key) != carrier}
-    frames = None if carrier == state.own else forgotten(state.frames, carrier)
+    frames = None if carrier == state.own else frames_without(state.frames, carrier)
     rays = {key: kept for key, kept in state.rays.items() if _carrier_of(key) != carrier}
     return replace(state, links=links, window=window, frames=frames, rays=rays)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,24 @@ class Sightings:
     def target(self, i: int) -> str:
         """What the i-th is called within its carrier, the same from log to log if it has a name."""
         return self.identity[i] or self.track[i] or self.log[i]
+
+
+Method = Literal["operator", "identity", "coordinates"]
+
+
+class Pair(NamedTuple):
+    """Which of the own logs and which of the other carrier's, and why.
+
+    Attributes:
+        by_place, by_features: what each adds to the log-likelihood ratio on which coordinates and
+            features have decided together; 0 of other methods.
+    """
+
+    own: int
+    other: int
+    method: Method
+    by_place: float = 0.0
+    by_features: float = 0.0
 
 
 def at_instant(

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from estimation.relative_frame import JointFrames
 from schemas.messages import Direction, FixedAxes, OwnAxes, Pose, SourceTerm
 from schemas.messages.outputs import CorrectionState
 
@@ -88,6 +90,25 @@ class Frames(Struct, frozen=True, kw_only=True, eq=False):
     way_m: NDArray[np.float64]
     heading_rad: NDArray[np.float64]
     north_variance: NDArray[np.float64]
+
+
+def frames_without(frames: Frames | None, name: str) -> Frames | None:
+    """The frames of the other carriers; None where there are none."""
+    if frames is None or name not in frames.carriers:
+        return frames
+    if len(frames.carriers) == 1:
+        return None
+    gone = frames.carriers.index(name) + 1  # the own carrier's row is the first
+    left = JointFrames(frames.mean, frames.covariance).without(gone)
+    return replace(
+        frames,
+        carriers=tuple(c for c in frames.carriers if c != name),
+        mean=left.mean,
+        covariance=left.covariance,
+        way_m=np.delete(frames.way_m, gone, axis=0),
+        heading_rad=np.delete(frames.heading_rad, gone),
+        north_variance=np.delete(frames.north_variance, gone),
+    )
 
 
 class Link(Struct, frozen=True, kw_only=True):

@@ -11,8 +11,8 @@ import pytest
 from estimation.arrays import Array
 from estimation.frames import rotation_clockwise
 from estimation.relative_frame import OwnAxesFrame
-from fusion_center.relative_frames.association import Pair, associate, misclosures
-from fusion_center.sources.sightings import Sightings
+from fusion_center.relative_frames.association import associate, misclosures
+from fusion_center.sources.sightings import Pair, Sightings
 from fusion_center.state import Orders
 
 GATE = 9.21
