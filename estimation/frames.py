@@ -158,8 +158,8 @@ def on_surface(
     The up coordinate falls by distance^2 / (2 * 6371 km), 31 m at 20 km. The vertical line meets
     the surface of that altitude where a quadratic in up is zero.
     """
-    east, north, altitude = broadcast(east_m, north_m, altitude_m)
-    axes, (weight, polar) = _axes(origin), _weights(altitude)
+    east, north = np.asarray(east_m, dtype=float), np.asarray(north_m, dtype=float)
+    axes, (weight, polar) = _axes(origin), _weights(altitude_m)
     (arm_east, arm_north, arm_up), (_, z_by_north, z_by_up) = axes.arm_m, axes.pole
     radius2 = arm_east**2 + arm_north**2 + arm_up**2
     foot2 = radius2 + east * (east + 2 * arm_east) + north * (north + 2 * arm_north)
@@ -167,7 +167,9 @@ def on_surface(
     excess = weight * foot2 + polar * z**2 - 1
     rise, square = weight * arm_up + polar * z_by_up * z, weight + polar * z_by_up**2
     up = -excess / (rise + np.sqrt(np.maximum(rise**2 - square * excess, 0.0)))
-    return np.stack([east, north, up], axis=-1)
+    enu = np.empty((*up.shape, 3))
+    enu[..., 0], enu[..., 1], enu[..., 2] = east, north, up
+    return enu
 
 
 def level_plane(
@@ -192,15 +194,18 @@ def level_plane(
     Returns:
         (L, 2) [m]; error below a millimetre at 100 km when the altitude is right.
     """
-    bearing, slant, altitude = broadcast(bearing_rad, range_m, altitude_m)
+    bearing, slant = np.asarray(bearing_rad, dtype=float), np.asarray(range_m, dtype=float)
     sin, cos = np.sin(bearing), np.cos(bearing)
-    up = _up_at_range(source, sin, cos, slant, altitude)
+    up = _up_at_range(source, sin, cos, slant, altitude_m)
     level = np.sqrt(slant**2 - up**2)
-    enu_source = np.stack([level * sin, level * cos, up], axis=-1)
+    enu_source = np.empty((*up.shape, 3))
+    enu_source[..., 0], enu_source[..., 1], enu_source[..., 2] = level * sin, level * cos, up
     return target_from_source(target, source).apply(enu_source)[..., :2]
 
 
-def _up_at_range(source: Site, sin: Array, cos: Array, slant_m: Array, altitude_m: Array) -> Array:
+def _up_at_range(
+    source: Site, sin: Array, cos: Array, slant_m: Array, altitude_m: ArrayLike
+) -> Array:
     """Up (...) [m] of points at a slant range and an altitude; sine and cosine of their bearing.
 
     Raising a point by what it lacks is Newton's step but for 0.3 % (the flattening) and
@@ -210,7 +215,7 @@ def _up_at_range(source: Site, sin: Array, cos: Array, slant_m: Array, altitude_
     (arm_east, arm_north, arm_up), (_, z_by_north, z_by_up) = axes.arm_m, axes.pole
     outward, z_by_level = 2 * (arm_east * sin + arm_north * cos), z_by_north * cos
     sphere2 = arm_east**2 + arm_north**2 + arm_up**2 + slant_m**2
-    up = altitude_m - source.altitude_m - slant_m**2 / (2 * _EARTH_RADIUS_M)
+    up = np.asarray(altitude_m) - source.altitude_m - slant_m**2 / (2 * _EARTH_RADIUS_M)
     for _ in range(_PASSES):
         up = np.minimum(np.maximum(up, -slant_m), slant_m)
         level = np.sqrt(slant_m**2 - up**2)
@@ -220,13 +225,14 @@ def _up_at_range(source: Site, sin: Array, cos: Array, slant_m: Array, altitude_
     return np.minimum(np.maximum(up, -slant_m), slant_m)
 
 
-def _weights(altitude_m: Array) -> tuple[Array, Array]:
+def _weights(altitude_m: ArrayLike) -> tuple[Array, Array]:
     """Weights w, p with w r^2 + p z^2 = 1 at an altitude, r from the centre of the Earth.
 
     The surface of that altitude is the ellipsoid of semi-axes a + h, b + h (to 1.5e-6 of h).
     """
-    weight = 1 / (_WGS84.semimajor_axis + altitude_m) ** 2
-    return weight, 1 / (_WGS84.semiminor_axis + altitude_m) ** 2 - weight
+    altitude = np.asarray(altitude_m, dtype=float)
+    weight: Array = 1 / (_WGS84.semimajor_axis + altitude) ** 2
+    return weight, 1 / (_WGS84.semiminor_axis + altitude) ** 2 - weight
 
 
 def east_north_from_polar(bearing_rad: ArrayLike, range_m: ArrayLike) -> Array:

@@ -178,15 +178,15 @@ def _published(state: State, closed: Closed, batch: Batch, tally: Tally) -> tupl
     ]
     associated = _association(state, closed, tally, number(association, centre))
     how_well = _quality(state, closed, batch, tally, number(quality, centre))
-    objects = shown.objects(state, closed.t_ns)
+    told = shown.at_closing(state, closed.t_ns)
     drawn = Tracks(
         centre=centre,
         seq=number(track, centre),
         step=closed.step,
         t_ns=closed.t_ns,
-        objects=objects.mean,
-        sigma_objects=objects.sigma,
-        tracks=shown.tracks(state, closed.t_ns),
+        objects=told.objects.mean,
+        sigma_objects=told.objects.sigma,
+        tracks=told.tracks,
         lines=passive_lines.lines(state, closed.t_ns),
     )
     outputs.append(Published(track, (centre,), drawn))

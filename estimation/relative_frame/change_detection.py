@@ -13,7 +13,6 @@ Automatica 12, 1976 (innovations tests; a window against a lagged filter).
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -144,12 +143,9 @@ def _carried_back(said: OwnAxesInformation, scan: Scan, drift: Drift) -> OwnAxes
     forward[..., 0, 2], forward[..., 1, 2] = turned[..., 1], -turned[..., 0]
     point = said.point.copy()
     point[..., :2] += np.asarray(scan.travel.own_m, dtype=float) - turned
-    return replace(
-        said,
-        point=point,
-        matrix=transposed(forward) @ matrix @ forward,
-        vector=(transposed(forward) @ vector)[..., 0],
-    )
+    back = transposed(forward)
+    earlier, pull = back @ matrix @ forward, (back @ vector)[..., 0]
+    return OwnAxesInformation(point, earlier, pull, said.chi2, said.pairs)
 
 
 def reopened(frame: OwnAxesFrame, sigma_q_m: float, sigma_D_rad: float) -> OwnAxesFrame:  # noqa: N803

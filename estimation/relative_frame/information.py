@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,12 +36,8 @@ class OwnAxesInformation:
         shift[..., 2] = wrap_pi(shift[..., 2])
         pulled = times(self.matrix, shift)
         chi2 = self.chi2 - np.sum(shift * (2 * self.vector - pulled), axis=-1)
-        return replace(
-            self,
-            point=np.asarray(point, dtype=float),
-            vector=self.vector - pulled,
-            chi2=chi2,
-        )
+        there = np.asarray(point, dtype=float)
+        return OwnAxesInformation(there, self.matrix, self.vector - pulled, chi2, self.pairs)
 
     def __add__(self, more: OwnAxesInformation) -> OwnAxesInformation:
         there = more.about(self.point)

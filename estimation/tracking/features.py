@@ -62,7 +62,7 @@ class Features(NamedTuple):
 
     def take(self, which: Indices) -> Features:
         """Those of the tracks `which`, in that order."""
-        return Features(*(np.take(part, which, axis=-1) for part in self))
+        return Features(*(part.take(which, axis=-1) for part in self))
 
 
 class Said(NamedTuple):

@@ -9,6 +9,7 @@ differs between one target and a hundred thousand is the length of the rows.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from scipy.linalg import expm
 from estimation.arrays import Array, Indices
 
 _PLACE, _RATE = slice(0, 2), slice(2, 4)
+_BATCH = 4096  # mixtures worked on together: their numbers stay in the cache
 
 
 class Motion(NamedTuple):
@@ -46,11 +48,13 @@ class Motion(NamedTuple):
         steady: Array = share / share.sum()
         return steady
 
+    @lru_cache(maxsize=64)  # noqa: B019 - of the value; sources report at even intervals
     def change(self, dt_s: float) -> Array:
         """(models, models) probability that a target of one model is of another `dt_s` later."""
         louder, quieter = np.divide(1.0, self.louder_s), np.divide(1.0, self.quieter_s)
         rate = np.diag(louder, 1) + np.diag(quieter, -1)
         change: Array = expm((rate - np.diag(rate.sum(axis=1))) * dt_s)
+        change.flags.writeable = False
         return change
 
 
@@ -71,7 +75,7 @@ class Bank(NamedTuple):
 
     def take(self, which: Indices) -> Bank:
         """The tracks `which`, in that order."""
-        return Bank(*(np.take(part, which, axis=-1) for part in self))
+        return Bank(*(part.take(which, axis=-1) for part in self))
 
 
 def empty(models: int = 2) -> Bank:
@@ -118,7 +122,8 @@ def predicted(bank: Bank, dt_s: float, motion: Motion) -> Bank:
 
 def combined(bank: Bank) -> tuple[Array, Array]:
     """Mean (4, n) and covariance (4, 4, n) of each track over its models."""
-    return _mixed(bank, bank.model)
+    mean, covariance = _mixed(bank, bank.model[:, None])
+    return mean[:, 0], covariance[:, :, 0]
 
 
 def _interacted(bank: Bank, dt_s: float, motion: Motion) -> Bank:
@@ -126,21 +131,35 @@ def _interacted(bank: Bank, dt_s: float, motion: Motion) -> Bank:
     joint = motion.change(dt_s)[:, :, None] * bank.model[:, None]  # was i, is now j
     model = joint.sum(axis=0)
     given = joint / np.maximum(model, 1e-300)
-    mixed = [_mixed(bank, given[:, j]) for j in range(motion.models)]
-    mean = np.stack([part[0] for part in mixed], axis=1)
-    covariance = np.stack([part[1] for part in mixed], axis=2)
+    mean, covariance = _mixed(bank, given)
     shared = np.einsum("aein,ijn->aejn", bank.shared, given)
     return Bank(mean, covariance, model, shared)
 
 
 def _mixed(bank: Bank, share: Array) -> tuple[Array, Array]:
-    """First two moments of the mixture of the models with shares (models, n)."""
-    mean = (bank.mean * share).sum(axis=1)
-    covariance = (bank.covariance * share).sum(axis=2)
-    for model, weight in enumerate(share):
-        apart = bank.mean[:, model] - mean
-        covariance += (apart[:, None] * apart) * weight
+    """First two moments of j mixtures of the models with shares (models, j, n).
+
+    Returns:
+        mean (4, j, n), covariance (4, 4, j, n).
+    """
+    mean, covariance = np.zeros((4, *share.shape[1:])), np.zeros((4, 4, *share.shape[1:]))
+    batch = _BATCH // share.shape[1]
+    for first in range(0, share.shape[-1], batch):
+        some = np.s_[..., first : first + batch]
+        _mix(bank.mean[some], bank.covariance[some], share[some], mean[some], covariance[some])
     return mean, covariance
+
+
+def _mix(means: Array, covariances: Array, share: Array, mean: Array, covariance: Array) -> None:
+    """Adds the moments of mixtures to a mean and a covariance of zeros."""
+    work = np.empty_like(covariance)
+    for model, weight in enumerate(share):
+        mean += means[:, model, None] * weight
+        covariance += np.multiply(covariances[:, :, model, None], weight, out=work)
+    for model, weight in enumerate(share):
+        apart = means[:, model, None] - mean
+        np.multiply(apart[:, None], apart, out=work)
+        covariance += np.multiply(work, weight, out=work)
 
 
 def _moved(bank: Bank, dt_s: float, motion: Motion) -> Bank:

@@ -75,7 +75,7 @@ class Innovations(NamedTuple):
 
     def take(self, which: Indices) -> Innovations:
         """The pairs `which`, in that order."""
-        return Innovations(self.state[which], *(np.take(part, which, axis=-1) for part in self[1:]))
+        return Innovations(self.state[which], *(part.take(which, axis=-1) for part in self[1:]))
 
     def weights(self) -> tuple[Array, Array]:
         """Of residuals r with covariance S: inv(S) r as r, inv(S) (rows, rows, models, k)."""
@@ -157,7 +157,7 @@ def joined_innovations(parts: list[Innovations]) -> Innovations:
 def corrections(told: Foretold, found: Innovations) -> tuple[Array, Array]:
     """Change of mean (4, models, k) and decrease of covariance (4, 4, models, k) by each pair."""
     weight, inverse = found.weights()
-    return moved(np.take(told.push, found.state, axis=-1), weight, inverse)
+    return moved(told.push.take(found.state, axis=-1), weight, inverse)
 
 
 def moved(push: Array, weight: Array, inverse: Array) -> tuple[Array, Array]:
@@ -190,11 +190,11 @@ def _raw(
 
     An instant known to a sigma displaces the target by its velocity times that.
     """
-    residual = readings.value[row, plot] - np.take(told.value[row], state, axis=-1)
+    residual = readings.value[row, plot] - told.value[row].take(state, axis=-1)
     if readings.angle[row]:
         residual = wrap_pi(residual)
     covariance = [
-        np.take(told.spread[row, j], state, axis=-1) + readings.covariance[row, j, plot]
+        told.spread[row, j].take(state, axis=-1) + readings.covariance[row, j, plot]
         for j in range(row + 1)
     ]
     if readings.sigma_offset_s.any():

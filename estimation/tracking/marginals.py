@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.arrays import Array, Indices
+from estimation.arrays import Array, Indices, beginnings
 from estimation.assignment import assignment
 
 _TOLERANCE = 1e-3
@@ -128,7 +128,7 @@ class _Rivals(NamedTuple):
 def _rivals(given: Candidates, message: Array, active: Indices) -> _Rivals:
     """The active ones among some pairs."""
     some = given.take(active)
-    begins = np.flatnonzero(np.diff(some.track, prepend=-1))
+    begins = beginnings(some.track)
     runs = np.diff(begins, append=len(active))
     if len(active) == len(message):
         return _Rivals(some, begins, runs, np.zeros(1), np.zeros(1))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.arrays import Array, Indices
+from estimation.arrays import Array, Indices, beginnings
 from estimation.tracking.gating import near
 from estimation.tracking.imm import Bank
 from estimation.tracking.innovations import (
@@ -86,14 +86,14 @@ def believed(bank: Bank, pairs: Paired, model: Array) -> Bank:
     """The track of each pair if that pair is right; the models (models, k) are then these."""
     weight, inverse = pairs.innovations.weights()
     state, before = pairs.innovations.state, bank.take(pairs.track)
-    shift, less = moved(np.take(pairs.told.push, state, axis=-1), weight, inverse)
+    shift, less = moved(pairs.told.push.take(state, axis=-1), weight, inverse)
     shared = before.shared - _learnt(pairs.told, state, inverse)
     return Bank(before.mean + shift, before.covariance - less, model, shared)
 
 
 def _by_track(track: Indices) -> list[Indices]:
     """Rows of pairs in batches that part no track."""
-    begins = np.flatnonzero(np.diff(track, prepend=-1))
+    begins = beginnings(track)
     cuts = begins[np.searchsorted(begins, np.arange(0, len(track), _BATCH), side="right") - 1]
     return np.split(np.arange(len(track)), np.unique(cuts)[1:]) if len(track) else []
 
@@ -131,7 +131,7 @@ class Sums:
 
     def __init__(self, owner: Indices, owners: int) -> None:
         self._owners = owners
-        self._begins = np.flatnonzero(np.diff(owner, prepend=-1))
+        self._begins = beginnings(owner)
         self._owner = owner[self._begins]
 
     def of(self, values: Array) -> Array:
@@ -146,7 +146,8 @@ def _ends(offset_s: Array) -> Array:
     """The earliest and the latest instant; one if they are one."""
     if not offset_s.size:
         return np.zeros(1)
-    return np.unique([offset_s.min(), offset_s.max()])
+    ends = np.array([offset_s.min(), offset_s.max()])
+    return ends if ends[0] < ends[1] else ends[:1]
 
 
 def _foretold(bank: Bank, scan: Scan, offset_s: Array | float) -> Foretold:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-import numpy as np
+from math import isfinite
+from typing import NamedTuple
 
 from estimation.object_count import Count
 from estimation.tracking import tracker
@@ -19,39 +19,46 @@ MOST_SPEED_MPS = 1e5
 _COVARIANCE = upper_triangle(4)
 
 
-def objects(state: State, t_ns: int) -> Count:
-    """How many objects there are where a sensor ever looked, shown or not."""
-    drawn = state.picture
-    if drawn.picture is None:
-        return Count(0.0, 0.0)
-    later = tracker.predicted(drawn.picture, max(t_ns, drawn.picture.t_ns), settings_of(state))
-    return tracker.number(later)
+class Shown(NamedTuple):
+    """What is published.
+
+    Attributes:
+        objects: how many there are where a sensor ever looked, shown or not.
+        tracks: the confirmed ones, surest identity first.
+    """
+
+    objects: Count
+    tracks: list[Track]
 
 
-def tracks(state: State, t_ns: int) -> list[Track]:
-    """What is shown at an instant: the confirmed tracks, surest identity first."""
-    drawn = state.picture
-    if drawn.picture is None:
-        return []
+def at_closing(state: State, t_ns: int) -> Shown:
+    """The picture at an instant."""
+    before = state.picture.picture
+    if before is None:
+        return Shown(Count(0.0, 0.0), [])
     settings = settings_of(state)
-    later = tracker.predicted(drawn.picture, max(t_ns, drawn.picture.t_ns), settings)
-    shown = tracker.shown(later, settings)
-    back_s = min(0.0, (t_ns - drawn.picture.t_ns) * NS)
-    place = shown.mean[:, :2] + back_s * shown.mean[:, 2:]
+    later = tracker.predicted(before, max(t_ns, before.t_ns), settings)
+    back_s = min(0.0, (t_ns - before.t_ns) * NS)
+    return Shown(tracker.number(later), _tracks(state, tracker.shown(later, settings), back_s))
+
+
+def _tracks(state: State, found: tracker.Shown, back_s: float) -> list[Track]:
+    """Tracks at the instant of the picture, or so many seconds before it (back_s <= 0)."""
+    place = found.mean[:, :2] + back_s * found.mean[:, 2:]
     rows = zip(
-        shown.identity.tolist(),
+        found.identity.tolist(),
         place.tolist(),
-        shown.mean[:, 2:].tolist(),
-        shown.covariance[:, *_COVARIANCE].tolist(),
-        shown.existence.tolist(),
-        shown.classes.tolist(),
+        found.mean[:, 2:].tolist(),
+        found.covariance[:, *_COVARIANCE].tolist(),
+        found.existence.tolist(),
+        found.classes.tolist(),
         strict=True,
     )
-    names = classes_of(state.scenario)
+    names, notes = classes_of(state.scenario), state.picture.notes
     return [
-        _track(f"t{number}", drawn.notes.get(str(number), Notes()), names, *row)
+        _track(f"t{number}", notes.get(str(number), Notes()), names, *row)
         for number, *row in rows
-        if np.isfinite(row[0] + row[1] + row[2]).all() and max(map(abs, row[1])) < MOST_SPEED_MPS
+        if all(map(isfinite, row[0] + row[1] + row[2])) and max(map(abs, row[1])) < MOST_SPEED_MPS
     ]
 
 
