@@ -28,6 +28,8 @@ from estimation.relative_frame.logs import (
     in_own_axes,
 )
 
+_SAME = 1e-9  # of chi2: ends of one minimum differ by less, other minima by more
+
 
 class Registration(NamedTuple):
     """What a pairwise method found.
@@ -168,12 +170,19 @@ def rigid_fit(given: Measured, navigation: Gauge) -> Array:
 
 
 def _best_of(given: Measured, navigation: Gauge, starts: list[Array]) -> Solution:
-    """The lowest end of all starts."""
+    """The lowest end of all starts; of several at one minimum, that of the first that arrived.
+
+    Two ends of one minimum differ by their last steps, and rounding alone would choose.
+    """
     tries, count = len(starts), len(navigation.root)
     every = np.tile(np.arange(count), tries)
     ends = iterate(given.of(every), navigation.of(every), np.concatenate(starts))
     cost = ends.criterion.reshape(tries, count)
-    pick = np.argmin(cost, axis=0) * count + np.arange(count)
+    least = cost.min(axis=0)
+    lowest = cost <= least + _SAME * (1 + least)
+    arrived = lowest & ends.converged.reshape(tries, count)
+    first = np.argmax(np.where(arrived.any(axis=0), arrived, lowest), axis=0)
+    pick = first * count + np.arange(count)
     return Solution(*(array[pick] for array in ends))
 
 
