@@ -37,12 +37,14 @@ def recover(
         output: a new file instead.
         as_json: one JSON object instead of sentences.
     """
-    from crossfix.new_file import require_new
+    from crossfix.making import beside
     from schemas.recording.recovery import recover as mend
 
-    if output is not None:
-        require_new(output)
-    found = mend(recording, output)
+    if output is None:
+        found = mend(recording)
+    else:
+        with beside(output) as unfinished:
+            found = mend(recording, unfinished)._replace(path=str(output))
     print(_json(found) if as_json else _told(found))
     return LOST if found.damage else WHOLE
 

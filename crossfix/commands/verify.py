@@ -72,7 +72,7 @@ def _notes(recording: Recording, comparison: Comparison | None) -> list[str]:
 
     notes = []
     if recording.condition:
-        mended = "" if recording.index.is_whole else "; `crossfix recover` gives it an end"
+        mended = "" if recording.index.is_whole else "; `crossfix recover` mends it"
         notes.append(recording.condition + mended)
     if count := recording.unchecked:
         notes.append(f"{count} stretches of messages have no checksum: damage in them is not seen")

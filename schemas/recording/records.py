@@ -176,7 +176,8 @@ def parse_body(source: Source, kind: type[T], body: bytes, offset: int) -> T:
     try:
         record: T = kind.read(stream)  # type: ignore[attr-defined]
     except (McapError, StructError, ValueError) as error:
-        raise source.damaged(f"{kind.__name__} record: {error}", offset) from None
+        what = str(error) or "ends early"
+        raise source.damaged(f"{kind.__name__} record: {what}", offset) from None
     if stream.count != len(body):
         raise source.damaged(f"{kind.__name__} record of another length", offset)
     return record

@@ -9,7 +9,7 @@ into chunks where there is a new file for them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from struct import Struct
 from typing import NamedTuple
@@ -42,6 +42,11 @@ _CHUNK = Struct("<QQQIL")
 _MESSAGE = Struct("<HIQQ")
 _INDEX_HEAD = Struct("<HI")
 Record = Schema | Channel | RawMessage
+_KINDS: Mapping[int, type[Metadata | Schema | Channel]] = {
+    Opcode.METADATA: Metadata,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+}
 
 
 class Recovery(NamedTuple):
@@ -176,9 +181,9 @@ def _check(source: Source, frame: Frame, found: _Found) -> None:
         chunk_data(source, frame)
     elif frame.opcode == Opcode.ATTACHMENT:
         attachment(source, frame)
-    elif frame.opcode == Opcode.METADATA:
-        parse(source, Metadata, frame)
-    elif frame.opcode not in (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL):
+    elif frame.opcode in _KINDS:
+        parse(source, _KINDS[frame.opcode], frame)
+    elif frame.opcode != Opcode.HEADER:
         raise source.damaged(f"no place for opcode {frame.opcode:#x}", frame.offset)
     found.whole.append(_Whole(frame, {}))
 
@@ -331,7 +336,10 @@ def _records(source: Source, data: bytes) -> Iterator[Record]:
                 return
             yield (*_MESSAGE.unpack_from(body), body[_MESSAGE.size :])
         else:
-            record = registered(source, frame, body)
+            try:
+                record = registered(source, frame, body)
+            except RecordingError:
+                return
             if record is not None:
                 yield record
         offset = frame.end

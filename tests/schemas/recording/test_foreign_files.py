@@ -234,3 +234,17 @@ def test_a_message_of_no_channel_is_lost_aloud(path: Path, tmp_path: Path) -> No
     done = recover(path, tmp_path / "new.mcap")
     assert done.messages == 0
     assert "1 messages of no channel" in done.damage[0]
+
+
+def test_a_damaged_channel_costs_its_own_messages_alone(path: Path, tmp_path: Path) -> None:
+    write_plainly(path, STREAM, use_chunking=False)
+    lost = STREAM[0].key
+    data = bytearray(path.read_bytes())
+    at = data.index(lost.encode()) - 4  # the length of its name
+    data[at : at + 4] = b"\xff" * 4
+    path.write_bytes(data)
+    done = recover(path, tmp_path / "new.mcap")
+    assert "Channel record" in done.damage[0]
+    with open_recording(tmp_path / "new.mcap") as recording:
+        assert everything(recording) == [w for w in STREAM if w.key != lost]
+        recording.check()

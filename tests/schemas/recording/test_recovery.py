@@ -1,6 +1,7 @@
 """Recovery: torn anywhere, a recording comes back as a gapless prefix with a whole index."""
 
 import random
+import struct
 import time
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from schemas.errors import RecordingError
 from schemas.messages import Step
 from schemas.recording.contents import RunHeader, run_attachments
 from schemas.recording.reader import open_recording
+from schemas.recording.records import Source, frames
 from schemas.recording.recovery import recover
 from schemas.recording.writer import RecordingWriter, RunEnd
 from tests.fusion_center.scenes import two_ships
@@ -49,6 +51,11 @@ def numbers(path: Path) -> list[int]:
     with open_recording(path) as recording:
         assert recording.condition == ""
         recording.check()
+        return [message.sequence for message in recording.messages()]
+
+
+def numbers_as_far(path: Path) -> list[int]:
+    with open_recording(path) as recording:
         return [message.sequence for message in recording.messages()]
 
 
@@ -90,6 +97,24 @@ def test_the_torn_chunk_is_salvaged(whole: Path, tmp_path: Path) -> None:
     found = recover(path)
     assert found.salvaged > EVERY // 10
     assert found.messages == before + found.salvaged
+
+
+def test_of_a_torn_chunk_what_makes_no_sense_is_left(whole: Path, tmp_path: Path) -> None:
+    """Nothing says whether it is right: not compressed, it may hold anything."""
+    head = whole.read_bytes()[: len(whole.read_bytes()) // 2]
+    before = numbers_as_far(torn_at(whole, tmp_path, len(head)))
+    source = Source(tmp_path / "torn.mcap")
+    end = max(frame.end for frame in frames(source, 8))
+    source.close()
+    chance = random.Random(SEED)
+    for kind in (3, 4, 5, 5, 5):
+        inner = bytes([kind]) + (40).to_bytes(8, "little") + chance.randbytes(40)
+        inner += bytes([5]) + (3).to_bytes(8, "little") + b"abc"
+        fields = struct.pack("<QQQIL", 0, 2**63, 10**6, 0, 0) + (10**6).to_bytes(8, "little")
+        torn = bytes([6]) + (10**6).to_bytes(8, "little") + fields + inner
+        (tmp_path / "torn.mcap").write_bytes(head[:end] + torn)
+        assert recover(tmp_path / "torn.mcap").salvaged == 0
+        assert numbers(tmp_path / "torn.mcap") == before
 
 
 def test_recovered_twice_is_recovered_once(whole: Path, tmp_path: Path) -> None:
