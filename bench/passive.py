@@ -1,8 +1,8 @@
 """Bearings alone in whole runs of scenarios/passive.toml: `python -m bench.passive`.
 
 Every seed is a run in process: how the picket's frame is found, and what is told of the targets by
-one carrier's bearings and, once the frame is applied, by both carriers' together.
-docs/papers/001.md quotes what is printed.
+one carrier's bearings and, once the frame is applied, by both carriers' together. Each is played
+twice, with the targets' identities and without any. docs/papers/001.md quotes what is printed.
 """
 
 from __future__ import annotations
@@ -19,12 +19,22 @@ from bench.in_process import Played, played
 from crossfix.evaluation import FrameError, frame_errors
 from estimation.arrays import Array
 from estimation.consistency import mean_interval, rms
-from estimation.frames import Site, rotation_clockwise, site_at, target_from_source, yaw_rad
+from estimation.frames import (
+    Site,
+    rotation_clockwise,
+    site_at,
+    target_from_source,
+    wrap_pi,
+    yaw_rad,
+)
 from schemas.messages import BearingLine, Correction, Navigation, Tracks, TruthCarriers
 from sim_world.scenario import Scenario, load_scenario, with_overrides
 
 SCENARIO = Path(__file__).parents[1] / "scenarios" / "passive.toml"
 OWN, OTHER = "hunter", "picket"
+NAMELESS = {f"carriers.{name}.sensors.sonar.identity_share": 0 for name in (OWN, OTHER)}
+FAR = 50.0
+"""Chi2 of 2 of a place that is of no target: of two, taken for one."""
 KINDS = {
     "uniform": {"constant velocity"},
     "uniform-far": {"constant velocity"},
@@ -92,15 +102,14 @@ def run(scenario: Scenario, seed: int) -> Run:
 
 def _judged(scenario: Scenario, step: Played, line: BearingLine, t_s: float) -> Judged:
     """A line of this very step, from the own carrier."""
-    target = line.id.rpartition("/")[2]
-    own = step.carriers.carrier.index(OWN)
-    apart = np.subtract(
-        step.targets.position_m[step.targets.identity.index(target)], step.carriers.position_m[own]
-    )[:2]
+    turn, own = _turn(scenario, step), step.carriers.carrier.index(OWN)
+    every = np.subtract(step.targets.position_m, step.carriers.position_m[own])[:, :2] @ turn.T
+    which = _whose(step, line, every)
+    target, apart = step.targets.identity[which], every[which]
     range_m, error = float(np.hypot(*apart)), np.full(2, np.nan)
     nees = float("nan")
     if line.position_m is not None and line.covariance is not None:
-        error = np.subtract(line.position_m, line.observer_m) - _turn(scenario, step) @ apart
+        error = np.subtract(line.position_m, line.observer_m) - apart
         c = line.covariance
         nees = float(error @ np.linalg.solve([[c[0], c[1]], [c[1], c[4]]], error))
     return Judged(
@@ -113,6 +122,15 @@ def _judged(scenario: Scenario, step: Played, line: BearingLine, t_s: float) -> 
         nees,
         line.motion in KINDS[target],
     )
+
+
+def _whose(step: Played, line: BearingLine, every: Array) -> int:
+    """The target of a line: the one of its name, else the one that is where its bearing points."""
+    name = line.id.rpartition("/")[2]
+    if name in step.targets.identity:
+        return step.targets.identity.index(name)
+    off = wrap_pi(np.arctan2(*every.T) - line.bearing_rad)
+    return int(np.argmin(np.abs(off)))
 
 
 def _turn(scenario: Scenario, step: Played) -> Array:
@@ -129,10 +147,14 @@ def _turn(scenario: Scenario, step: Played) -> Array:
 
 def figures(seed: int, runs: int) -> tuple[list[Figure], str]:
     """All that is demanded, and a table of the runs."""
-    scenario = load_scenario(SCENARIO, {"fusion.passive.solve_every_s": 30})
-    every = [run(scenario, 1000 * seed + k) for k in range(runs)]
-    found = [*_of_frames(every), *_of_lines(every, both=False), *_of_lines(every, both=True)]
-    return found, _table(every)
+    found, tables = list[Figure](), list[str]()
+    for when, more in (("", {}), ("no names: ", NAMELESS)):
+        scenario = load_scenario(SCENARIO, {"fusion.passive.solve_every_s": 30, **more})
+        every = [run(scenario, 1000 * seed + k) for k in range(runs)]
+        some = [*_of_frames(every), *_of_lines(every, both=False), *_of_lines(every, both=True)]
+        found += [figure._replace(name=f"{when}{figure.name}") for figure in some]
+        tables.append(_table(every))
+    return found, "\n\n".join(tables)
 
 
 def _of_frames(every: Sequence[Run]) -> Iterator[Figure]:
@@ -179,6 +201,8 @@ def _of_lines(every: Sequence[Run], *, both: bool) -> Iterator[Figure]:
     yield at_least(f"{name}: determined at the end", share, 0.9)
     errors = [line.error_m for line in last if np.isfinite(line.error_m)]
     yield told(f"{name}: error of places at the end, median", float(np.median(errors)), "m")
+    far = float(np.mean([line.nees > FAR for line in with_range]))
+    yield told(f"{name}: places where no target is", far)
     wrong = float(np.mean([not line.right for line in last]))
     yield told(f"{name}: another kind of motion at the end", wrong)
 

@@ -1,5 +1,6 @@
 """Trajectories from bearings (paper 001)."""
 
+from estimation.bearings_only.bearing_tracks import BearingTracks, followed, no_tracks
 from estimation.bearings_only.bound import cramer_rao
 from estimation.bearings_only.doubt import FrameDoubt
 from estimation.bearings_only.each_target import EachTarget, each_target
@@ -21,6 +22,7 @@ from estimation.bearings_only.motions import (
     spline,
 )
 from estimation.bearings_only.next_turn import Turn, best_turn
+from estimation.bearings_only.pairing import log_odds_of_one
 from estimation.bearings_only.prior import MotionPrior
 from estimation.bearings_only.profile import Ranges, likely_ranges
 from estimation.bearings_only.robust import student_t
@@ -52,6 +54,7 @@ __all__ = [
     "THREE_LEGS",
     "TURN_RATE",
     "TWO_LEGS",
+    "BearingTracks",
     "Bearings",
     "Candidate",
     "EachTarget",
@@ -79,12 +82,15 @@ __all__ = [
     "chebyshev_second",
     "cramer_rao",
     "each_target",
+    "followed",
     "in_space",
     "jointly",
     "likely_ranges",
+    "log_odds_of_one",
     "maximum_likelihood",
     "n_bearings",
     "n_polynomials",
+    "no_tracks",
     "polynomial",
     "solve",
     "solve_many",

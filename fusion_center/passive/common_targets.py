@@ -101,10 +101,9 @@ def found_frame(scene: Scene) -> tuple[OwnAxesFrame, Misclosure] | None:
     correlations, in place of the one of the solutions. A first pass finds how the other carrier's
     way is turned.
     """
-    turned_rad, prior = 0.0, _about_pivot(scene)
-    wide = FramePrior(float(np.sqrt(prior[0, 0])), float(np.sqrt(np.trace(prior[1:, 1:]))))
+    turned_rad, prior, wide = 0.0, _about_pivot(scene), wide_prior(scene)
     for _ in range(2):
-        carriers = _carriers(scene, turned_rad)
+        carriers = carriers_of(scene, turned_rad)
         solved = [each_target(carriers, [wide], motion) for motion in MOTIONS]
         each = [_averaged(solved, target) for target in range(len(scene.own.bearing_rad))]
         said = [one for one in each if one is not None]
@@ -116,6 +115,12 @@ def found_frame(scene: Scene) -> tuple[OwnAxesFrame, Misclosure] | None:
     return _now(scene, mean, covariance), told
 
 
+def wide_prior(scene: Scene) -> FramePrior:
+    """What navigation says of the frame at the middle of the other's way, without correlations."""
+    prior = _about_pivot(scene)
+    return FramePrior(float(np.sqrt(prior[0, 0])), float(np.sqrt(np.trace(prior[1:, 1:]))))
+
+
 def _about_pivot(scene: Scene) -> Array:
     """Covariance (3, 3) of yaw, east, north of the frame at the middle of the other's way."""
     known, (east, north) = prior_in_own_axes(scene.prior).covariance, scene.pivot_m
@@ -124,7 +129,7 @@ def _about_pivot(scene: Scene) -> Array:
     return covariance
 
 
-def _carriers(scene: Scene, turned_rad: float) -> tuple[Bearings, Bearings]:
+def carriers_of(scene: Scene, turned_rad: float) -> tuple[Bearings, Bearings]:
     """Bearings of both, the other's way turned about its middle."""
     own, other, pivot = scene.own, scene.other, scene.pivot_m
     way = pivot + (other.way_m - pivot) @ rotation_clockwise(turned_rad).T

@@ -28,6 +28,7 @@ from ..relative_frames.links import sees_bearings_only
 from ..settings import PassiveSettings
 from ..state import Line, Rays, State
 from ..timeline import Instant
+from .rays import by_target
 from .telling import described
 
 NOT_CROSSED = Line(t_ns=np.zeros(0, dtype=np.int64), seen=np.zeros((0, 4)))
@@ -96,7 +97,7 @@ def crossed(state: State, instant: Instant) -> State:
 
 
 def shown(state: State, t_ns: int) -> dict[str, BearingLine]:
-    """What is told of targets that several carriers see, by kind/name, while it is not too old."""
+    """What is told of targets that several carriers see, by name, while it is not too old."""
     oldest = t_ns - _ns(state.settings.passive.shown_s)
     told = ((target, line.told) for target, line in state.crossed.items())
     return {target: line for target, line in told if line is not None and line.t_ns >= oldest}
@@ -129,15 +130,15 @@ def _sight(state: State, carrier: str, axes: Placed, t_ns: int) -> Sight:
 def _bundles(state: State, sights: dict[str, Sight], t_ns: int) -> dict[str, Bundle]:
     """The bearings of every target that two of these carriers have seen often enough."""
     settings = state.settings.passive
-    by_target: dict[str, list[str]] = {}
-    for key in sorted(state.rays):
-        carrier, _, target = key.partition("/")
-        if carrier in sights and _count(state.rays[key], settings, t_ns) >= settings.least_bearings:
-            by_target.setdefault(target, []).append(carrier)
+    of_all: dict[str, dict[str, Rays]] = {}
+    for carrier in sights:
+        for target, rays in sorted(by_target(state, carrier).items()):
+            if _count(rays, settings, t_ns) >= settings.least_bearings:
+                of_all.setdefault(target, {})[carrier] = rays
     return {
-        target: _bundle(state, target, [name for name in sights if name in names], sights, t_ns)
-        for target, names in by_target.items()
-        if len(names) > 1
+        target: _bundle(state, seen, sights, t_ns)
+        for target, seen in of_all.items()
+        if len(seen) > 1
     }
 
 
@@ -146,13 +147,13 @@ def _count(rays: Rays, settings: PassiveSettings, t_ns: int) -> int:
 
 
 def _bundle(
-    state: State, target: str, carriers: Sequence[str], sights: dict[str, Sight], t_ns: int
+    state: State, by_carrier: dict[str, Rays], sights: dict[str, Sight], t_ns: int
 ) -> Bundle:
     """The bearings of one target, where the carriers were when they took them."""
     oldest = t_ns - _ns(state.settings.passive.frames_memory_s)
     t, who, seen = [], [], []
-    for k, carrier in enumerate(carriers):
-        rays, sight = state.rays[f"{carrier}/{target}"], sights[carrier]
+    for k, (carrier, rays) in enumerate(by_carrier.items()):
+        sight = sights[carrier]
         kept = rays.t_ns >= oldest
         back = (rays.seen[kept, :2] - sight.way_m) @ rotation_clockwise(sight.axes.turn_rad).T
         bearing = rays.seen[kept, 2] + sight.turn_rad
@@ -161,7 +162,7 @@ def _bundle(
         who.append(np.full(len(t[-1]), k))
     at_ns, of = np.concatenate(t), np.concatenate(who)
     order = np.lexsort((-of, at_ns))
-    return Bundle(tuple(carriers), of[order], at_ns[order], np.concatenate(seen)[order])
+    return Bundle(tuple(by_carrier), of[order], at_ns[order], np.concatenate(seen)[order])
 
 
 def _solutions(bundles: Sequence[Bundle], sights: dict[str, Sight]) -> list[Solution]:

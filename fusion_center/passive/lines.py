@@ -1,4 +1,4 @@
-"""Bearings alone: what each named target of a passive source may be doing, refreshed as it is seen.
+"""Bearings alone: what each target of a passive source may be doing, refreshed as it is seen.
 
 The bearings of a target are kept along the axes of the picture, each from where its carrier was, as
 long as the carrier's frame may be used there. Every so often all targets with news are solved anew
@@ -9,7 +9,7 @@ a track of the picture, which further bearings then improve.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 
 import numpy as np
@@ -17,22 +17,27 @@ from msgspec.structs import replace
 
 from estimation.arrays import Array
 from estimation.bearings_only import Bearings, MotionPrior, Solution, bearings, solve_many
+from estimation.tracking.imm import combined
 from estimation.tracking.seeding import restated, seeded
 from schemas.messages import BearingLine, SourceReport
 
 from ..navigation import NS, symmetric
 from ..picture.axes import Placed, placed
+from ..picture.names import ALIVE
 from ..picture.ways import settings_of
 from ..settings import PassiveSettings
-from ..sources.coordinates import column, instants_ns
+from ..sources.coordinates import instants_ns
 from ..state import Drawn, Line, Notes, State
 from ..timeline import Instant
 from . import crossing
+from .naming import bearings_of, is_nameless, names, target_of
 from .telling import described
 
 NO_LINE = Line(t_ns=np.zeros(0, dtype=np.int64), seen=np.zeros((0, 4)))
 SEEN_SURELY = 0.99
 """Existence of a track that begins with a solution of many bearings."""
+NEAR = 16.0
+"""Chi2 of 2 within which a nameless target is the one of a track that stands there."""
 
 
 def with_bearings(state: State, instant: Instant) -> State:
@@ -51,36 +56,19 @@ def with_bearings(state: State, instant: Instant) -> State:
 
 def _with_report(state: State, report: SourceReport, axes: Placed) -> State:
     """The newest bearing of every target that the report names."""
-    n, lines = len(report), dict(state.lines)
-    properties = state.sources(report.carrier).get(report.stream)
-    default = properties.sigma_bearing_rad if properties else None
-    stated = column(report.sigma_bearing_rad, n)
-    sigma = np.where(np.isnan(stated), default or np.nan, stated)
-    bearing = column(report.bearing_rad, n) + axes.turn_rad
+    lines = dict(state.lines)
+    bearing, sigma = bearings_of(state, report)
+    bearing = bearing + axes.turn_rad
     at_ns, here = instants_ns(report), axes.place_m()
-    for i, name in enumerate(_names(report)):
-        if name and np.isfinite(bearing[i] + sigma[i]):
-            key = f"{report.carrier}/{report.stream}/{name}"
+    for i, target in enumerate(names(state, report)):
+        if target and np.isfinite(bearing[i] + sigma[i]):
+            key = f"{report.carrier}/{report.stream}/{target.partition('/')[2]}"
             row = np.array([[*here, bearing[i], sigma[i]]])
             before = lines.get(key) or NO_LINE
             longer = _longer(before, int(at_ns[i]), row, state.settings.passive)
-            lines[key] = replace(longer, identity=_identity(report, i))
+            lines[key] = replace(longer, identity=target)
     kept = _bounded(lines, state.settings.passive.most_targets)
     return _seeded(_solved(replace(state, lines=kept), report.t_ns), report.t_ns)
-
-
-def _names(report: SourceReport) -> Iterator[str]:
-    """What the source calls each target; empty where it does not tell them apart."""
-    for i in range(len(report)):
-        identity = report.identity[i] if report.identity else None
-        yield identity or (report.track_id[i] if report.track_id else None) or ""
-
-
-def _identity(report: SourceReport, i: int) -> str:
-    """kind/name of a target that others see too, as the picture's notes have it."""
-    name = report.identity[i] if report.identity else None
-    kind = report.identity_kind[i] if report.identity_kind else ""
-    return f"{kind}/{name}" if name else ""
 
 
 def _longer(line: Line, t_ns: int, row: Array, settings: PassiveSettings) -> Line:
@@ -108,7 +96,7 @@ def _solved(state: State, t_ns: int) -> State:
     due = [
         key
         for key, line in sorted(lines.items())
-        if line.identity not in together
+        if _common_name(state, key, line) not in together
         and len(line.t_ns) >= settings.least_bearings
         and line.t_ns[-1] > line.solved_t_ns
         and (line.tried_t_ns < 0 or t_ns - line.tried_t_ns >= round(settings.solve_every_s * 1e9))
@@ -134,17 +122,41 @@ def _seeded(state: State, t_ns: int) -> State:
     drawn = state.picture
     if drawn.picture is None or not state.settings.picture.enabled:
         return state
-    known = {note.identity: number for number, note in drawn.notes.items() if note.identity}
+    known = {note.identity or note.line: n for n, note in drawn.notes.items()}
     for key, line in (*state.lines.items(), *state.crossed.items()):
         told = line.told
-        if told is None or line.tried_t_ns != t_ns or not line.identity:
+        if told is None or line.tried_t_ns != t_ns or told.status != "determined":
             continue
-        if told.status != "determined":
-            continue
-        number = known.get(line.identity)
-        if number is None or _is_alone(drawn.notes[number], key, told.carriers):
-            drawn = _with_track(state, drawn, number, line.identity, told)
+        name = _common_name(state, key, line)
+        number = known.get(name)
+        if number is None and is_nameless(line.identity):
+            number = _standing_there(drawn, told)
+        if number is None or _is_alone(drawn.notes.get(number, Notes()), key, told.carriers):
+            note = Notes(line=name) if is_nameless(line.identity) else Notes(identity=name)
+            drawn = _with_track(state, drawn, number, note, told)
     return state if drawn is state.picture else replace(state, picture=drawn)
+
+
+def _common_name(state: State, key: str, line: Line) -> str:
+    """What all carriers call the target of a line of one of them, or of several."""
+    crosses = line.told is not None and line.told.carriers
+    return line.identity if crosses else target_of(state, key.partition("/")[0], line.identity)
+
+
+def _standing_there(drawn: Drawn, told: BearingLine) -> str | None:
+    """The track that is where a nameless target is: it may be known to others already."""
+    if drawn.picture is None or told.position_m is None or not len(drawn.picture.tracks.identity):
+        return None
+    tracks = drawn.picture.tracks
+    late_s = (drawn.picture.t_ns - told.t_ns) * NS
+    place = np.add(told.position_m, late_s * np.array(told.velocity_mps))
+    mean, covariance = combined(tracks.bank)
+    spread = np.moveaxis(covariance[:2, :2], 2, 0) + symmetric(told.covariance or (), 4)[:2, :2]
+    apart = mean[:2].T - place
+    chi2 = np.einsum("ni,ni->n", apart, np.linalg.solve(spread, apart[..., None])[..., 0])
+    chi2 = np.where(tracks.existence > ALIVE, chi2, np.inf)
+    nearest = int(np.argmin(chi2))
+    return str(tracks.identity[nearest]) if chi2[nearest] < NEAR else None
 
 
 def _is_alone(notes: Notes, key: str, carriers: Sequence[str]) -> bool:
@@ -155,7 +167,7 @@ def _is_alone(notes: Notes, key: str, carriers: Sequence[str]) -> bool:
 
 
 def _with_track(
-    state: State, drawn: Drawn, number: str | None, identity: str, told: BearingLine
+    state: State, drawn: Drawn, number: str | None, note: Notes, told: BearingLine
 ) -> Drawn:
     """The picture with a track where a solution has its target, new or told anew."""
     if drawn.picture is None or told.position_m is None or told.velocity_mps is None:
@@ -166,7 +178,7 @@ def _with_track(
     covariance = symmetric(told.covariance or (), 4)
     if number is not None:
         return replace(drawn, picture=restated(drawn.picture, int(number), mean, covariance))
-    notes = {**drawn.notes, str(drawn.picture.begun): Notes(identity=identity)}
+    notes = {**drawn.notes, str(drawn.picture.begun): note}
     picture = seeded(drawn.picture, mean, covariance, SEEN_SURELY, settings_of(state))
     return replace(drawn, picture=picture, notes=notes)
 
@@ -206,6 +218,10 @@ def lines(state: State, t_ns: int) -> list[BearingLine]:
     """
     oldest = t_ns - round(state.settings.passive.shown_s * 1e9)
     together = crossing.shown(state, t_ns)
-    told = (line.told for _, line in sorted(state.lines.items()) if line.identity not in together)
+    told = (
+        line.told
+        for key, line in sorted(state.lines.items())
+        if _common_name(state, key, line) not in together
+    )
     alone = [line for line in told if line is not None and line.t_ns >= oldest]
     return alone + [line for _, line in sorted(together.items())]

@@ -1,6 +1,8 @@
-"""Bearings of named targets as their carriers took them, over time."""
+"""Bearings of targets as their carriers took them, over time."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from msgspec.structs import replace
@@ -11,35 +13,54 @@ from schemas.messages import SourceReport
 
 from ..navigation import pose_at, site, way_m
 from ..settings import PassiveSettings
-from ..sources.coordinates import column, instants_ns
+from ..sources.coordinates import instants_ns
 from ..state import Rays, State
+from .naming import bearings_of, names, target_of
 
 NO_RAYS = Rays(t_ns=np.zeros(0, dtype=np.int64), seen=np.zeros((0, 4)))
 
 
 def with_report(state: State, report: SourceReport) -> State:
-    """The bearing of every target with an identity, clockwise from the origin's north."""
+    """The bearing of every target that is told apart, clockwise from the origin's north."""
     carrier, settings = state.carriers[report.carrier], state.settings.passive
-    if not carrier.navigation or not report.identity:
+    called = names(state, report)
+    if not carrier.navigation or not any(called):
         return state
-    origin, n = state.scenario.origin, len(report)
+    origin = state.scenario.origin
     there = Site(origin.latitude_rad, origin.longitude_rad, origin.altitude_m)
-    properties = state.sources(report.carrier).get(report.stream)
-    default = properties.sigma_bearing_rad if properties else None
-    stated = column(report.sigma_bearing_rad, n)
+    bearing, sigma = bearings_of(state, report)
     at_ns = instants_ns(report)
     with np.errstate(all="ignore"):  # numbers from the wire may be anything in bounds
         here = site(pose_at(carrier.navigation, report.t_ns))
-        bearing = column(report.bearing_rad, n) + yaw_rad(target_from_source(there, here))
-        sigma = np.where(np.isnan(stated), default or np.nan, stated)
-        rows = np.column_stack([way_m(carrier.navigation, at_ns), bearing, sigma])
+        turned = bearing + yaw_rad(target_from_source(there, here))
+        rows = np.column_stack([way_m(carrier.navigation, at_ns), turned, sigma])
     rays = dict(state.rays)
-    kinds = report.identity_kind or [""] * n
-    for i, name in enumerate(report.identity):
+    for i, name in enumerate(called):
         if name and np.isfinite(rows[i]).all() and sigma[i] > 0:
-            key = f"{report.carrier}/{kinds[i]}/{name}"
+            key = f"{report.carrier}/{name}"
             rays[key] = _longer(rays.get(key) or NO_RAYS, int(at_ns[i]), rows[i], settings)
     return replace(state, rays=_bounded(rays, settings.most_targets))
+
+
+def by_target(state: State, carrier: str) -> dict[str, Rays]:
+    """The bearings of a carrier, by what its targets are called in common.
+
+    Nameless ones that were lost and found again are pieces of one.
+    """
+    pieces: dict[str, list[Rays]] = {}
+    for key, rays in state.rays.items():
+        whose, _, called = key.partition("/")
+        if whose == carrier:
+            pieces.setdefault(target_of(state, carrier, called), []).append(rays)
+    return {target: _joined(some) for target, some in pieces.items()}
+
+
+def _joined(pieces: Sequence[Rays]) -> Rays:
+    """In order of time, one of an instant."""
+    if len(pieces) == 1:
+        return pieces[0]
+    t_ns, first = np.unique(np.concatenate([r.t_ns for r in pieces]), return_index=True)
+    return Rays(t_ns=t_ns, seen=np.concatenate([r.seen for r in pieces])[first])
 
 
 def _longer(rays: Rays, t_ns: int, row: Array, settings: PassiveSettings) -> Rays:

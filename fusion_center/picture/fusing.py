@@ -192,7 +192,7 @@ def _noted(
         before = notes.get(track, Notes())
         log = f"{report.carrier}/{boot}/{report.stream}/{report.seq}/{seen.log[plot]}"
         identity = names.kept(before.identity, calls.of_plot[plot], calls.trusted)
-        notes[track] = Notes(identity=identity, logs={**before.logs, source: log})
+        notes[track] = replace(before, identity=identity, logs={**before.logs, source: log})
     return notes
 
 

@@ -4,7 +4,7 @@ from .carriers import Boots, CarrierState, SourceLogs, Timeline, Told
 from .features import Dictionary, Learned, Reports, Scale, Word
 from .group import Group, Member
 from .links import Estimate, Frames, Link, Monitor, Orders, WatchColumns
-from .targets import Drawn, Line, Notes, Rays, Watched
+from .targets import Drawn, Line, Nameless, Notes, Paired, Rays, Watched
 from .whole import Past, State, pack, unpack
 
 __all__ = [
@@ -20,8 +20,10 @@ __all__ = [
     "Link",
     "Member",
     "Monitor",
+    "Nameless",
     "Notes",
     "Orders",
+    "Paired",
     "Past",
     "Rays",
     "Reports",

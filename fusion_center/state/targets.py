@@ -6,6 +6,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from estimation.bearings_only import BearingTracks
 from estimation.tracking.tracker import Picture
 from schemas.messages import BearingLine
 
@@ -18,10 +19,12 @@ class Notes(Struct, frozen=True, kw_only=True):
 
     Attributes:
         identity: kind/name of the target, once a log has told it.
+        line: of a target without one, what its bearings are called, see `naming`.
         logs: newest log of each carrier/source that contributes.
     """
 
     identity: str = ""
+    line: str = ""
     logs: dict[str, str] = {}
 
 
@@ -64,7 +67,7 @@ class Line(Struct, frozen=True, kw_only=True, eq=False):
     """The bearings of one target by one passive source, and what they were last said to mean.
 
     Attributes:
-        identity: kind/name that others see too; may be empty.
+        identity: what its target is called at its carrier, see `naming`.
         t_ns: (n,) in increasing order.
         seen: (n, 4) east and north of the carrier, bearing and its sigma, in the picture.
         solved_t_ns: newest bearing behind `told`; tried_t_ns: when that was worked out.
@@ -89,3 +92,28 @@ class Rays(Struct, frozen=True, kw_only=True, eq=False):
 
     t_ns: NDArray[np.int64]
     seen: NDArray[np.float64]
+
+
+class Nameless(Struct, frozen=True, kw_only=True, eq=False):
+    """The nameless bearings of one passive source, told apart.
+
+    Attributes:
+        boot: of the carrier; seq: of the last report, which is the last look.
+        t_ns, way_m: its time, and (2,) the carrier's way then.
+        tracks: of its bearings.
+        rows: (n,) number of the track of each bearing of the last look; -1 = open, or named.
+    """
+
+    boot: int
+    seq: int
+    t_ns: int
+    way_m: NDArray[np.float64]
+    tracks: BearingTracks
+    rows: NDArray[np.int64]
+
+
+class Paired(Struct, frozen=True, kw_only=True):
+    """What another carrier's target is called by the own one; agreed: attempts in a row."""
+
+    target: str
+    agreed: int = 1

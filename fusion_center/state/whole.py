@@ -18,7 +18,7 @@ from ..settings import Settings
 from .carriers import CarrierState, Timeline
 from .group import Group
 from .links import Frames, Link, Orders
-from .targets import Drawn, Line, Rays
+from .targets import Drawn, Line, Nameless, Paired, Rays
 
 
 class Past(Struct, frozen=True, kw_only=True, eq=False):
@@ -44,8 +44,11 @@ class State(Struct, frozen=True, kw_only=True):
         past: the last few seconds, oldest first, for what comes late.
         lines: by carrier/source/name of the target there.
         group: carriers that range to each other and to beacons; None while there is none.
-        rays: by carrier/kind/name of the target; only while some carrier sees bearings only.
-        crossed: what is told of targets of which several carriers have bearings, by kind/name.
+        rays: by carrier/name of the target there, see `naming`; only while some carrier sees
+            bearings only.
+        crossed: what is told of targets of which several carriers have bearings, by their names.
+        nameless: by carrier/source that sends bearings without names.
+        paired: of targets that no name joins, by carrier/name of the target there.
         published: messages so far, by key.
     """
 
@@ -64,6 +67,8 @@ class State(Struct, frozen=True, kw_only=True):
     group: Group | None = None
     rays: dict[str, Rays] = {}
     crossed: dict[str, Line] = {}
+    nameless: dict[str, Nameless] = {}
+    paired: dict[str, Paired] = {}
     past: tuple[Past, ...] = ()
     published: dict[str, int] = {}
 

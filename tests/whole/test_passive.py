@@ -22,7 +22,15 @@ from fusion_center import pipeline
 from fusion_center.settings import settings_from
 from fusion_center.state import pack, unpack
 from schemas import codec
-from schemas.messages import BearingLine, Correction, Navigation, Tracks, TruthCarriers
+from schemas.messages import (
+    BearingLine,
+    Correction,
+    Input,
+    Navigation,
+    SourceReport,
+    Tracks,
+    TruthCarriers,
+)
 from sim_world.scenario import Scenario, load_scenario, with_overrides
 from tests.fusion_center.scenes import closed
 
@@ -243,3 +251,92 @@ def test_frames_of_bearings_do_not_depend_on_how_time_is_cut(run: list[Played]) 
         assert state.links["picket"].estimate is not None
         finals.append(pack(replace(state, published={})))
     assert finals[0] == finals[1]
+
+
+def nameless(**more: Any) -> Scenario:
+    """The same without any identity, nothing but frames looked for, twice a minute."""
+    unnamed = {f"carriers.{name}.sensors.sonar.identity_share": 0 for name in ("hunter", "picket")}
+    frames = {"fusion.passive.frames_every_s": 30, "fusion.passive.solve_every_s": 1e6}
+    return coarse(**(unnamed | frames | {"fusion.picture.enabled": False} | more))
+
+
+def seen_by(step: Played, carrier: int, bearing_rad: float) -> int:
+    """The target that is where a bearing from a carrier's own north points, roughly."""
+    apart = np.subtract(step.targets.position_m, step.carriers.position_m[carrier])
+    off = np.arctan2(*apart[:, :2].T) - bearing_rad - step.carriers.north_error_rad[carrier]
+    return int(np.argmin(np.abs(np.angle(np.exp(1j * off)))))
+
+
+@pytest.fixture(scope="module")
+def unnamed() -> list[Played]:
+    return list(played(nameless(), steps=74))
+
+
+def test_targets_without_names_are_paired_and_the_picket_is_placed(unnamed: list[Played]) -> None:
+    last, state = unnamed[-1], unnamed[-1].state
+    paired = {key: pair.target for key, pair in state.paired.items() if pair.agreed >= 3}
+    assert len(paired) >= 4
+    for other, own in paired.items():
+        whose = []
+        for carrier, rays in ((1, state.rays[other]), (0, state.rays[f"hunter/{own}"])):
+            then = next(s for s in unnamed if s.closed.t_ns >= rays.t_ns[-1])
+            whose.append(seen_by(then, carrier, float(rays.seen[-1, 2])))
+        assert whose[0] == whose[1]
+    found = last.corrections["picket"]
+    assert (found.state, found.method) == ("applied", "bearings")
+    error = frame_errors(PASSIVE.declared, "hunter", [last.carriers, found])["picket"][0]
+    assert error.nees < 16.3  # of three; one in a thousand
+
+
+def test_without_names_nothing_is_paired_before_a_manoeuvre(unnamed: list[Played]) -> None:
+    before = at(unnamed, 180)
+    assert before.corrections["picket"].state == "observing"
+    assert before.corrections["picket"].reason.startswith("neither carrier has manoeuvred")
+    assert not before.state.paired
+
+
+def test_pairs_do_not_depend_on_how_time_is_cut(unnamed: list[Played]) -> None:
+    steps = unnamed[:60]
+    state = pipeline.initial(nameless().declared, settings_from(nameless().declared.fusion))
+    for number, begin in enumerate(range(0, 60, 12), 1):
+        some = steps[begin : begin + 12]
+        said = [message for step in some for message in step.said]
+        now = closed(number, said, t_ns=some[-1].closed.t_ns)
+        state, _ = pipeline.step(unpack(pack(state)), now, said)
+    assert state.paired
+    assert pack(replace(state, published={})) == pack(replace(steps[-1].state, published={}))
+
+
+@pytest.mark.slow
+def test_without_names_every_target_is_one_line_and_one_track() -> None:
+    """As with names, though it takes some attempts longer."""
+    solved = {"fusion.passive.solve_every_s": 30, "fusion.passive.frames_every_s": 15}
+    steps = list(played(nameless(**solved, **{"fusion.picture.enabled": True})))
+    last = picture(steps[-1])
+    both = [line for line in last.lines if line.carriers == ["hunter", "picket"]]
+    assert len(both) == len(last.lines) == len(last.tracks) == TARGETS
+    true = np.array(steps[-1].targets.position_m)[:, :2]
+    for line in both:
+        assert line.status == "determined"
+        assert np.hypot(*(true - np.array(line.position_m)).T).min() < 60
+    assert picture_of(steps).error_m < 60
+
+
+@pytest.mark.slow
+def test_carriers_that_number_their_targets_need_no_names_either() -> None:
+    """The picket's numbers are not the hunter's, and the hunter knows names."""
+
+    def numbered(message: Input) -> Input:
+        if isinstance(message, SourceReport) and message.carrier == "picket" and message.identity:
+            ids = [f"{len(name or '')}-{name}" for name in message.identity]
+            return replace(message, identity=None, track_id=ids)
+        return message
+
+    frames = {"frames_every_s": 30, "solve_every_s": 1e6}
+    settings = {"own": "hunter", "picture": {"enabled": False}, "passive": frames}
+    last = list(played(coarse(), settings, steps=74, heard=numbered))[-1]
+    paired = {key: pair.target for key, pair in last.state.paired.items() if pair.agreed >= 3}
+    assert len(paired) >= 4
+    for key, target in paired.items():
+        assert key.partition("-")[2] == target.partition("/")[2]
+    assert last.corrections["picket"].state == "applied"
