@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
+from crossfix.evaluation.frames import sensor_norths_rad
 from crossfix.own_frames import as_own
 from estimation.arrays import Array
 from estimation.frames import (
@@ -111,7 +112,8 @@ class Axes:
             return None
         index = truth.carrier.index(self._story.own)
         own_site = site_at(self.origin, truth.position_m[index])
-        north_error = truth.north_error_rad[index] if truth.north_error_rad else 0.0
+        # by the own sensors, as the errors of the picture are judged
+        north_error = sensor_norths_rad(truth)[index] if truth.north_error_rad else 0.0
         return TruthView(target_from_source(own_site, self.origin), north_error, believed)
 
 

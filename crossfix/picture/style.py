@@ -15,8 +15,8 @@ INK, FAINT, GRID, PAPER, SEA = "#1f2a37", "#66758a", "#e3e8ee", "#ffffff", "#f4f
 TRUTH, FOUND = "#111827", "#b5179e"
 """What is true, and the tracks that were found."""
 CARRIERS = (
-    "#3b4cc0", "#d1495b", "#00897b", "#e08e0b", "#8e44ad", "#0288d1", "#6d4c41", "#7cb342",
-    "#c2185b", "#455a64",
+    "#3b4cc0", "#d7301f", "#08a671", "#594128", "#cc79a7", "#78a64b", "#80395c", "#7a1fe0",
+    "#5c81cc", "#e08e0b",
 )  # fmt: skip
 """Of carriers in their order, the own one first; told apart by the colour-blind, too."""
 PALE = 0.36
@@ -51,7 +51,7 @@ def pale(colour: str) -> str:
     return mixed(colour, PAPER, PALE)
 
 
-_DARK_PAPER, _LIGHTER = "#17212d", 0.62
+_DARK_PAPER, _LIGHTER = "#17212d", 0.72
 DARK = {
     INK: "#e6edf5", FAINT: "#9aabbd", GRID: "#2c3a4b", PAPER: _DARK_PAPER, SEA: "#121b26",
     TRUTH: "#f1f5f9", "white": _DARK_PAPER, "#b6c0cc": "#4a5a6c",
