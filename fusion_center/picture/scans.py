@@ -19,12 +19,13 @@ from ..sources.coordinates import Observer, column, instants_ns
 from ..sources.coordinates import places as located
 from ..sources.features import CLASS, NOTHING_LEARNED, Heard, heard
 from ..sources.news import NOTHING_TOLD, has_tracks, news
-from ..state import State, Told
+from ..state import State, Told, Watched
 from .axes import Placed
 from .classes import classes_of, evidence
+from .watch import false_plots
 
 LEAST_DETECTION, MOST_DETECTION = 0.05, 0.98
-MOST_REACH_M = 200_000.0
+LEAST_REACH_M, MOST_REACH_M = 1_000.0, 200_000.0
 MOST_PLACE_M = 1e7
 
 
@@ -60,8 +61,10 @@ def plots(state: State, report: SourceReport, axes: Placed) -> Plots | None:
     if not len(index) and len(report) and memory is None:
         return None
     view = _view(properties, axes)
-    false = properties.clutter_per_scan + state.settings.tracking.clutter_per_scan
-    reach = min(view.range_max_m, MOST_REACH_M)
+    declared = properties.clutter_per_scan + state.settings.tracking.clutter_per_scan
+    count = state.picture.watched.get(told_key(state, report), Watched())
+    false = false_plots(count, declared)
+    reach = min(view.range_max_m, _farthest_m(view, measured) if false > declared else MOST_REACH_M)
     extent = view.width_rad if passive else view.width_rad / 2 * reach**2
     share = len(index) / len(report) if memory is not None and len(report) else 1.0
     seen = share * properties.detection_probability
@@ -138,6 +141,14 @@ def _lines(report: SourceReport, properties: SourceProperties, axes: Placed) -> 
     offset = np.nan_to_num(column(report.time_offset_s, n))[index]
     turned = bearing[index] + axes.turn_rad
     return _Taken(bearings(axes.place_m(), turned, sigma[index], offset), index)
+
+
+def _farthest_m(view: View, measured: Measurement) -> float:
+    """How far plots come from."""
+    found = measured.found()
+    if found is None or not measured.size:
+        return MOST_REACH_M
+    return max(float(np.hypot(*(found.place_m - view.site_m[:, None])).max()), LEAST_REACH_M)
 
 
 def _view(properties: SourceProperties, axes: Placed) -> View:

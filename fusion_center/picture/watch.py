@@ -1,7 +1,8 @@
 """Whether what a source claims agrees with the picture: sigma, false plots, names.
 
 Counts are forgotten over about fifty reports, so that a source that mends its ways is believed
-again. What is flagged is still fused: the picture weighs plots by what is declared of them.
+again. What is flagged is still fused: the picture weighs plots by what is declared of them, but for
+the number of the false ones, which shows by itself.
 """
 
 from __future__ import annotations
@@ -67,6 +68,28 @@ def names_are_believed(now: Watched) -> bool:
     return now.astray <= max(MOST_ASTRAY, WRONG * now.named)
 
 
+def false_plots(now: Watched, declared_false: float) -> float:
+    """False plots to be expected in a report: as declared, unless there are far more.
+
+    Where sigmas are claimed too small plots miss their tracks, and are not false for that.
+
+    Args:
+        declared_false: plots of no target expected in a report.
+    """
+    missing = now.dof >= ENOUGH and now.nis / now.dof > TOO_SMALL
+    return _lone(now) if _are_many(now, declared_false) and not missing else declared_false
+
+
+def _lone(now: Watched) -> float:
+    """Plots of no track in a report."""
+    return now.lone / max(now.weight, 1.0)
+
+
+def _are_many(now: Watched, declared_false: float) -> bool:
+    settled = now.reports > 2 * SETTLED
+    return settled and _lone(now) > MOST_FALSE * declared_false + MORE_FALSE
+
+
 def flags(now: Watched, declared_false: float) -> list[str]:
     """What looks wrong with a source, as sentences; the figures are coarse so that they last.
 
@@ -80,8 +103,7 @@ def flags(now: Watched, declared_false: float) -> list[str]:
             found.append("plots lie much farther from the tracks than their sigma says")
         if ratio < TOO_LARGE:
             found.append("plots lie much nearer to the tracks than their sigma says")
-    lone = now.lone / max(now.weight, 1.0)
-    if now.reports > 2 * SETTLED and lone > MOST_FALSE * declared_false + MORE_FALSE:
+    if _are_many(now, declared_false):
         found.append(f"far more false plots than the {declared_false:.3g} a report it declares")
     if now.astray > MOST_ASTRAY:
         used = "" if names_are_believed(now) else ": its names are not used"

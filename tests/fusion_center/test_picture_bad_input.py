@@ -10,7 +10,8 @@ import pytest
 from msgspec.structs import replace
 
 from fusion_center import pipeline
-from fusion_center.state import State, pack
+from fusion_center.picture.watch import Look, false_plots, watched
+from fusion_center.state import State, Watched, pack
 from schemas.messages import Input, SourceReport, Tracks
 from tests.fusion_center.scenes import closed, of_radar, two_ships
 
@@ -144,6 +145,31 @@ def test_a_flood_of_false_plots_is_flagged_and_survived() -> None:
     assert "far more false plots" in flags(outputs)
     assert of_radar(outputs[-1], "a").lone > 20
     assert of_radar(outputs[-1], "b").flag == ""
+
+
+@pytest.mark.parametrize(
+    ("seen", "expected"),
+    [
+        (Look(taken=8, lone=2, nis=16.0, dof=16), 0.9),  # few enough
+        (Look(taken=8, lone=30, nis=16.0, dof=16), 30.0),  # a flood
+        (Look(taken=1, lone=30, nis=12.0, dof=2), 0.9),  # sigmas so small that plots miss
+    ],
+)
+def test_a_flood_is_expected_once_it_has_shown(seen: Look, expected: float) -> None:
+    """Counts begin after ten reports and fade over fifty: within a tenth after two hundred."""
+    now = Watched()
+    assert false_plots(now, 0.9) == 0.9
+    for _ in range(200):
+        now = watched(now, seen)
+    assert false_plots(now, 0.9) == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_flood_begins_no_more_tracks_once_it_is_expected() -> None:
+    """Thirty a report in a circle of 40 km; as declared it would be one more in fifteen steps."""
+    _, outputs = run(flooded, 120)
+    later = [len(shown(out).tracks) for out in outputs[30:]]
+    assert max(later) == min(later)
 
 
 def every_flag(outputs: list[pipeline.Outputs], carrier: str = "a") -> str:
