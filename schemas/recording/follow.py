@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from struct import error as StructError  # noqa: N812 - a class, whatever it is called
 
@@ -27,14 +28,12 @@ class Follower:
 
     Attributes:
         end: what the recorder has said at the end; None as long as it has not.
-
-    Raises:
-        RecordingError: it cannot be opened, or is not MCAP.
     """
 
     def __init__(self, path: Path) -> None:
         self.end: RunEnd | None = None
-        self._source = Source(path)
+        self._path = path
+        self._opened: Source | None = None
         self._offset = len(MCAP0_MAGIC)
         self._channels: dict[int, KnownChannel | None] = {}
 
@@ -42,39 +41,50 @@ class Follower:
         """The messages that have been written since, in the order of the file.
 
         Raises:
-            RecordingError: what is there is damaged.
+            RecordingError: it cannot be opened, is not MCAP, or what is there is damaged.
         """
-        self._source.refresh()
-        for frame in frames(self._source, self._offset):
+        source = self._opened = self._opened or self._begun()
+        if source is None:
+            return
+        source.refresh()
+        for frame in frames(source, self._offset):
             if frame.opcode == Opcode.DATA_END:
                 return
             self._offset = frame.end
-            yield from self._within(frame)
+            yield from self._within(source, frame)
 
     def close(self) -> None:
         """Give back the file."""
-        self._source.close()
+        if self._opened is not None:
+            self._opened.close()
 
-    def _within(self, frame: Frame) -> list[Recorded]:
+    def _begun(self) -> Source | None:
+        """The file; None while its recorder has made it but has not written what it is."""
+        with suppress(OSError):  # `Source` says what is wrong
+            if self._path.stat().st_size < len(MCAP0_MAGIC):
+                return None
+        return Source(self._path)
+
+    def _within(self, source: Source, frame: Frame) -> list[Recorded]:
         if frame.opcode == Opcode.CHUNK:
-            return self._messages(frame)
+            return self._messages(source, frame)
         if frame.opcode == Opcode.METADATA:
-            found = parse(self._source, Metadata, frame)
+            found = parse(source, Metadata, frame)
             if found.name == END:
-                self.end = from_metadata(RunEnd, found.metadata, self._source.name)
+                self.end = from_metadata(RunEnd, found.metadata, source.name)
         return []
 
-    def _messages(self, frame: Frame) -> list[Recorded]:
-        data = chunk_data(self._source, frame)
+    def _messages(self, source: Source, frame: Frame) -> list[Recorded]:
+        data = chunk_data(source, frame)
         try:
             for inner in unpacked(data).registrations:
                 if inner.opcode == Opcode.CHANNEL:
                     body = data[inner.body : inner.end]
-                    channel = parse_body(self._source, Channel, body, frame.offset)
+                    channel = parse_body(source, Channel, body, frame.offset)
                     self._channels[channel.id] = known_channel(channel)
             return select(data, self._channels, 0, _NEVER_NS)
         except (StructError, KeyError) as error:
-            raise self._source.damaged(f"chunk: {error}", frame.offset) from None
+            raise source.damaged(f"chunk: {error}", frame.offset) from None
 
 
 def follow(

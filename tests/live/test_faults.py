@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
+from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -12,8 +13,9 @@ from crossfix.commands.run import RunOptions
 from crossfix.launch import KILL_S
 from schemas import keys
 from schemas.messages import Closed
+from schemas.recording.follow import follow
 from schemas.recording.reader import open_recording
-from tests.live.live_run import LiveRun
+from tests.live.live_run import DEADLINE_S, LiveRun
 from tests.whole.recorded import messages, outputs
 from tests.whole.refusing import refused
 
@@ -26,6 +28,14 @@ SLOW = RunOptions(delay=0.1)
 
 def closed(path: Path) -> list[Closed]:
     return list(messages(path, keys.CLOSED_FUSION, Closed))
+
+
+def await_recorded(path: Path, steps: int) -> None:
+    """Return when a recording that is being written holds so many closings."""
+    deadline_s = time.monotonic() + DEADLINE_S
+    found = follow(path, is_over=lambda: time.monotonic() > deadline_s)
+    fused = (m for m in found if m.address.topic is keys.CLOSED_FUSION)
+    assert len(list(islice(fused, steps))) == steps
 
 
 def test_a_carrier_killed_in_mid_run_is_told_at_once_and_the_run_goes_on(tmp_path: Path) -> None:
@@ -90,7 +100,8 @@ def test_the_fusion_centre_killed_ends_the_run_with_its_code_and_a_readable_reco
 ) -> None:
     path = tmp_path / "run.mcap"
     with LiveRun(SCENARIO, path, SLOW) as run:
-        run.await_step(30)
+        run.await_step(1)  # the recorder has begun
+        await_recorded(path, 15)
         run.signal("fusion", signal.SIGKILL)
         code = run.await_end()
     assert code == 128 + signal.SIGKILL
