@@ -35,7 +35,15 @@ from .framing import (
 from .labels import Side
 from .logs import Logs
 from .style import FAINT, FONT, FOUND, INK, SEA, TRUTH, Figure, TimeUnit, hover, new_figure, pale
-from .tracks import CarrierPicture, Ellipse, FoundTrack, Scene, Track, TrueTarget
+from .tracks import (
+    CarrierPicture,
+    Ellipse,
+    FoundLine,
+    FoundTrack,
+    Scene,
+    Track,
+    TrueTarget,
+)
 
 KM = 1e-3
 Single = NDArray[np.float32]
@@ -69,6 +77,7 @@ def tactical_picture(
     for carrier in scene.carriers:
         drawing.good_logs(carrier, carrier.name == own, colours[carrier.name])
     drawing.true_targets(scene.targets)
+    drawing.found_lines(scene.lines)
     drawing.found_tracks(scene.found)
     for carrier in scene.carriers:
         drawing.tracks(carrier, carrier.name == own, colours[carrier.name])
@@ -129,6 +138,21 @@ class _Drawing:
         if self._labels.targets:
             names = self._layer("truth", "names", FAINT, "text")
             self._text(names, ends, self._labels.targets, FAINT, TARGET_PX)
+
+    def found_lines(self, lines: Sequence[FoundLine]) -> None:
+        """Bearings of targets whose range is not known yet: from the nearest place on."""
+        if not lines:
+            return
+        key = self._layer("picture", "bearings without a range", FOUND, "dashed")
+        east, north = zip(*(_km(line.ends_m) for line in lines), strict=True)
+        source = ColumnDataSource({
+            "x": [*east], "y": [*north], "name": [line.name for line in lines],
+            "said": [line.said for line in lines],
+        })  # fmt: skip
+        drawn = self._plot.multi_line(
+            "x", "y", source=source, name=key, line_color=FOUND, line_dash=[5, 4], line_alpha=0.7
+        )
+        self._plot.add_tools(hover([drawn], _line(FOUND, "@name", "@said")))
 
     def found_tracks(self, found: Sequence[FoundTrack]) -> None:
         """The tracks of the picture: where they went, and two sigma of where they are."""

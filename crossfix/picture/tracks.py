@@ -21,6 +21,8 @@ TRACK_POINTS = 400
 ELLIPSES = 8
 SIGMAS = 2.0
 """How many sigmas an ellipse or a band shows."""
+OPEN_M = 1e6
+"""Length of a line to a range of which nobody knows how far it may be."""
 SURE = 0.9
 """A track that exists with less is drawn pale."""
 SILENT_S = 10.0
@@ -85,25 +87,42 @@ class FoundTrack(NamedTuple):
     last: Ellipse | None
 
 
+class FoundLine(NamedTuple):
+    """Where a target lies whose bearings do not tell its range yet.
+
+    Attributes:
+        said: what hovering tells of it.
+        ends_m: (2, 2) the nearest and the farthest place, two sigma of the range; an open end is
+            `OPEN_M` away.
+    """
+
+    name: str
+    said: str
+    ends_m: Array
+
+
 class Scene(NamedTuple):
     """Everything in the tactical picture.
 
     Attributes:
         found: tracks of the picture.
         names: of target logs, by the index they carry.
+        lines: of bearings without a range, at the end.
     """
 
     carriers: Sequence[CarrierPicture]
     targets: Sequence[TrueTarget]
     found: Sequence[FoundTrack]
     names: Sequence[str]
+    lines: Sequence[FoundLine] = ()
 
 
 def scene(story: Story) -> Scene:
     """The tactical picture of a story, in the axes the own carrier believes in."""
     axes, names = Axes(story), Names()
     carriers = [_carrier(story, axes, name, names) for name in story.carriers]
-    return Scene(carriers, _true_targets(story, axes), found_tracks(story), tuple(names.index))
+    true, found = _true_targets(story, axes), found_tracks(story)
+    return Scene(carriers, true, found, tuple(names.index), found_lines(story))
 
 
 def _carrier(story: Story, axes: Axes, name: str, names: Names) -> CarrierPicture:
@@ -213,6 +232,22 @@ def found_tracks(story: Story) -> list[FoundTrack]:
         _found(story, newest[name], points[name], at_end=name in last)
         for name in sorted(points, key=lambda name: (len(name), name))
     ]
+
+
+def found_lines(story: Story) -> list[FoundLine]:
+    """What bearings alone said at the end of targets whose range they had not determined."""
+    last = story.last_picture.lines if story.last_picture else ()
+    return [_line(line) for line in last if line.status != "determined"]
+
+
+def _line(line: messages.BearingLine) -> FoundLine:
+    along = np.array([np.sin(line.bearing_rad), np.cos(line.bearing_rad)])
+    open_ended = line.range_high_m is None
+    ranges_m = np.array([line.range_low_m, OPEN_M if open_ended else line.range_high_m])
+    farthest = "any farther" if open_ended else f"{ranges_m[1] / 1000:.3g} km"
+    likely = f", likely {line.motion}" if line.motion else ""
+    said = f"from {ranges_m[0] / 1000:.3g} km to {farthest}{likely}, {line.bearings} bearings"
+    return FoundLine(line.id, said, np.array(line.observer_m) + ranges_m[:, None] * along)
 
 
 def _with_last(story: Story) -> list[messages.Tracks]:

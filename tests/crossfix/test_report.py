@@ -24,11 +24,12 @@ from crossfix.picture.report import read_figures, write_page
 from crossfix.picture.series import frame_series, presence
 from crossfix.picture.story import Story, read_story
 from crossfix.picture.thinning import Thinned, stride
-from crossfix.picture.tracks import Scene, Track, scene
+from crossfix.picture.tracks import Scene, Track, found_lines, scene
 from estimation.arrays import Array
 from estimation.consistency import mean_interval
 from estimation.metrics import identity_changes
 from schemas import keys
+from schemas.messages import BearingLine
 from tests.crossfix import report_recordings as recordings
 from tests.crossfix.conftest import Crossfix
 
@@ -149,6 +150,23 @@ def test_tracks_end_on_targets_within_their_ellipses(story: Story, drawn: Scene)
         away_m = np.hypot(*(ends - track.way.east_north_m[-1]).T).min()
         assert away_m < track.last.axes_m.max()  # four sigma of the longest axis
         assert (track.last.axes_m > 0).all()
+
+
+def test_a_bearing_without_a_range_is_a_line_through_all_that_it_may_be(story: Story) -> None:
+    assert story.last_picture is not None
+    line = BearingLine(
+        id="alpha/sonar/x", status="undetermined", t_ns=1, observer_m=[100.0, -50.0],
+        bearing_rad=np.pi / 2, sigma_bearing_rad=0.01, range_low_m=2000.0, range_high_m=9000.0,
+        motion="constant velocity", bearings=7,
+    )  # fmt: skip
+    found = replace(line, id="alpha/sonar/y", range_high_m=None)
+    known = replace(line, id="alpha/sonar/z", status="determined")
+    last = replace(story.last_picture, lines=[line, found, known])
+    closed, open_ended = found_lines(story._replace(last_picture=last))
+    assert closed.ends_m == pytest.approx(np.array([[2100, -50], [9100, -50]]))
+    assert "2 km to 9 km" in closed.said
+    assert open_ended.ends_m[1, 0] > 500_000
+    assert "any farther" in open_ended.said
 
 
 def test_band_of_nees_is_that_of_the_consistency_tests() -> None:
