@@ -71,10 +71,8 @@ def told(alone: RecorderAlone, reason: str) -> str:
     """What was recorded, in a line."""
     counters = alone.recorder.counters()
     lost = f", {counters['dropped']} dropped, {counters['gaps']} never had"
-    return (
-        f"{counters['recorded']} of {counters['received']} messages recorded"
-        f"{lost if counters['dropped'] or counters['gaps'] else ''}: {reason}"
-    )
+    is_whole = not (counters["dropped"] or counters["gaps"])
+    return f"{counters['recorded']} messages recorded{'' if is_whole else lost}: {reason}"
 
 
 def _new(output: Path | None, run: str) -> Path:

@@ -61,7 +61,7 @@ def described(answer: PlayerStatus | RecorderStatus) -> str:
         return f"{refused}{answer.state} at {into_s:.3f} s, {rate}, {answer.sent} messages sent"
     counts = answer.statistics
     lost = f", {counts.dropped} dropped, {counts.gaps} never had" if counts else ""
-    told = f", {counts.recorded} of {counts.received} messages recorded{lost}" if counts else ""
+    told = f", {counts.recorded} messages recorded{lost}" if counts else ""
     return f"{refused}{answer.state}{told}, in {', '.join(answer.files)}"
 
 

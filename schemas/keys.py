@@ -200,6 +200,20 @@ def stream(address: Address) -> str:
     return address.topic.template.format(**address.ids)
 
 
+def of_stream(run: str, process: str, stream: str) -> str | None:
+    """The key on which the messages of a stream travel; None of `info`, which has one a source.
+
+    Raises:
+        WireError: process or stream is no id.
+    """
+    if "/" in stream:
+        return f"{PREFIX}/{require_id(run)}/{stream}"
+    if stream in RESERVED_STREAMS:
+        topic = next((one for one in (NAVIGATION, RANGING) if one.name == stream), None)
+        return topic.key(run, process) if topic else None
+    return REPORT.key(run, process, stream)
+
+
 def alive(run: str, process: str, boot: str) -> str:
     """Key of a process's liveliness token."""
     return f"{PREFIX}/{require_id(run)}/alive/{require_id(process)}/{require_id(boot)}"

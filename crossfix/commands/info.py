@@ -63,8 +63,8 @@ def losses(summary: Summary) -> str:
         return "unknown"
     end = summary.end
     if end.dropped == end.gaps == 0:
-        return f"none of {end.received}"
-    return f"{end.dropped} dropped by the recorder, {end.gaps} never arrived, of {end.received}"
+        return "none"
+    return f"{end.dropped} dropped by the recorder, {end.gaps} never arrived"
 
 
 def part(summary: Summary) -> str:

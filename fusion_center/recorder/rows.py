@@ -143,6 +143,14 @@ class Rows:
         """Whether the messages of a key are to be recorded."""
         return address.topic.recorded and self._wanted.has(key)
 
+    def wants_stream(self, run: str, stream: StreamKey) -> bool:
+        """Whether any message of a carrier's stream is to be recorded."""
+        try:
+            key = keys.of_stream(run, stream.process, stream.stream)
+        except WireError:
+            return True  # whatever that is, it is missed
+        return key is None or self._wanted.has(key)
+
     def statistics(self, dropped: Mapping[str, int]) -> list[KeyStatistics]:
         """Every key with a count, by name; `dropped` is what the queue has lost."""
         lost = Counter[str]()

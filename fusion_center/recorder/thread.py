@@ -183,12 +183,14 @@ class Recorder:
         """Wait until everything expected is recorded, at most 10 s, and seal the file.
 
         Args:
-            expected: the last message of each stream.
+            expected: the last message of each stream; those not wanted are not waited for.
             given_up: what of it is not waited for any longer.
             all_heard: wait for every gap below what has come, too.
         """
         self._gaps.all_heard = all_heard
-        self._reason, self._gaps.expected, self._given_up = reason, expected, given_up
+        wants, run = self._rows.wants_stream, self._member.run
+        self._gaps.expected = {key: last for key, last in expected.items() if wants(run, key)}
+        self._reason, self._given_up = reason, given_up
         self._finish_by_s = time.monotonic() + FINISH_S
         self._inbox.wake()
         self._thread.join()
@@ -296,8 +298,18 @@ class Recorder:
         if not (row.wanted and (row.address or self._rows.wants(address, sample.key))):
             row.passed_over += 1
             self._passed_over += 1
+            if address.topic is keys.SOURCE:  # all sources of a carrier share a stream
+                self._know_of(address, sample)
             return
         self._write(row, sample, self._screen.admit(address, sample))
+
+    def _know_of(self, address: keys.Address, sample: Sample) -> None:
+        """Account for a message that is not wanted, so that it is not missed."""
+        try:
+            screened = self._screen.admit(address, sample)
+            self._gaps.is_repeated(screened.stream, screened.seq, sample.key)
+        except WireError:
+            return
 
     def _drop(self, key: str) -> None:
         self._rows.row(key).dropped += 1

@@ -127,3 +127,13 @@ def test_liveliness_tokens_round_trip(run: str, process: str, boot: str) -> None
 )
 def test_streams(key: str, stream: str) -> None:
     assert keys.stream(keys.parse(key)) == stream
+
+
+def test_the_key_of_a_stream_leads_back_to_it() -> None:
+    for topic in keys.TOPICS:
+        ids = ["alpha"] * topic.template.count("{")
+        address = keys.parse(topic.key("run", *ids))
+        if topic is keys.SOURCE:
+            assert keys.of_stream("run", "alpha", keys.stream(address)) is None
+        elif "/" in keys.stream(address) or (topic.role is keys.Role.INPUT and ids):
+            assert keys.of_stream("run", "alpha", keys.stream(address)) == topic.key("run", *ids)

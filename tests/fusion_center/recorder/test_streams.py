@@ -3,33 +3,37 @@
 from __future__ import annotations
 
 import errno
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from fusion_center.recorder.beginning import How, begin
-from fusion_center.recorder.thread import Recorder
+from fusion_center.recorder.rows import EVERYTHING, Wanted
+from fusion_center.recorder.thread import FINISH_S, Recorder
 from schemas import codec, keys
 from schemas.bus.interface import Sample
 from schemas.bus.ledger import StreamKey
 from schemas.bus.member import Buses, Member
 from schemas.bus.memory_bus import MemoryNetwork
 from schemas.bus.roster import Life
-from schemas.messages import SourceReport
+from schemas.messages import SourceInfo, SourceProperties, SourceReport
 from schemas.recording.parts import Safety
 from schemas.recording.record_file import RecordFile
 
 KEY = keys.REPORT.key("run", "alpha", "radar")
+PROPERTIES = SourceProperties(kind="radar")
 STREAM = StreamKey("alpha", "a", "radar")
 
 
 @pytest.fixture
-def recorder(tmp_path: Path) -> Iterator[Recorder]:
-    """One that does what a test tells it, in the test's thread."""
+def recorder(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Recorder]:
+    """One that does what a test tells it, in the test's thread; it wants what the test says."""
     with MemoryNetwork() as network:
         buses = Buses(network.bus("record"), network.bus("record"))
-        how = How(safety=Safety(reserve_bytes=64 * 1024))
+        wanted = getattr(request, "param", EVERYTHING)
+        how = How(safety=Safety(reserve_bytes=64 * 1024), wanted=wanted)
         made = begin(Member("run", "record", buses), tmp_path / "run.mcap", how, None, None)
         life = Life("alpha", "a")
         made.lives.show([life], [life])
@@ -78,3 +82,36 @@ def test_what_fills_a_gap_is_recorded_and_what_is_there_is_not(recorder: Recorde
     assert (counts["received"], counts["recorded"], counts["repeated"]) == (11, 9, 2)
     [row] = recorder.statistics().keys
     assert (row.recorded, row.repeated) == (9, 2)
+
+
+@pytest.mark.parametrize("recorder", [Wanted(exclude=("report/alpha/radar",))], indirect=True)
+def test_what_is_not_wanted_is_not_missed(recorder: Recorder) -> None:
+    """Nor waited for at the end, though a Closed names it."""
+    recorder._record(said(1, 2))
+    started_s = time.monotonic()
+    recorder._thread.start()
+    recorder.finish("told to", {STREAM: 40})
+    assert time.monotonic() - started_s < FINISH_S / 2
+    counts = recorder.counters()
+    assert (counts["passed_over"], counts["recorded"], counts["gaps"]) == (2, 0, 0)
+
+
+@pytest.mark.parametrize("recorder", [Wanted(exclude=("source/alpha/lidar",))], indirect=True)
+def test_of_sources_that_share_a_stream_one_may_be_left_out(recorder: Recorder) -> None:
+    """Its messages leave no gaps between those of the other."""
+    encoding = codec.encoding_of(SourceInfo)
+    for seq, source in enumerate(("radar", "lidar", "lidar", "radar"), start=1):
+        info = SourceInfo(
+            carrier="alpha",
+            boot="a",
+            stream="info",
+            seq=seq,
+            t_ns=seq,
+            source=source,
+            properties=PROPERTIES,
+        )
+        key = keys.SOURCE.key("run", "alpha", source)
+        recorder._record([Sample(key, codec.encode(info), encoding)])
+    recorder._gaps.conclude()
+    counts = recorder.counters()
+    assert (counts["recorded"], counts["passed_over"], counts["gaps"]) == (2, 2, 0)
