@@ -92,6 +92,8 @@ def _limits(false_alarm: float) -> list[float]:
 def _judged(state: State, moment: Moment, name: str, scan: Scan | None, only_named: bool) -> State:
     """The state after what one carrier's plots had to say."""
     link: Link = replace(state.links[name], events=state.links[name].events + 1)
+    if scan is None and link.usual_pairs == 0 and surveyed.contradicted(state, moment, name):
+        return _given_up(state, [name], surveyed.WHY_NOT)
     state = state if scan else _no_less_sure_than_navigation(state, moment, name)
     known = state.frames
     assert known is not None  # noqa: S101

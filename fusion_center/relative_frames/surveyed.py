@@ -20,6 +20,7 @@ from .common import in_own_axes, told_by_a_plot
 from .corrections import Misclosure
 from .moment import Moment
 
+WHY_NOT = "targets that both should see do not agree with what navigation says"
 _FOLLOWED = 0.5
 """Least probability that what one carrier follows the other does as well, if it can see it."""
 
@@ -38,7 +39,9 @@ def known_beforehand(moment: Moment, name: str) -> Estimate | None:
 
 
 def contradicted(state: State, moment: Moment, name: str) -> bool:
-    """Whether it is no chance that carriers with this frame have not one target in common."""
+    """Whether it is no chance that carriers whose frame is known have not one target in common."""
+    if known_beforehand(moment, name) is None:
+        return False
     frame = prior_in_own_axes(moment.prior[name])
     turn_rad = yaw_rad(moment.between[name].own_from_other) + float(frame.D_rad)
     theirs = in_own_axes(moment.others[name], frame).east_north_m

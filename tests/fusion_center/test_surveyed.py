@@ -89,3 +89,23 @@ def test_navigation_is_not_trusted_against_targets_that_both_should_see() -> Non
     """Twelve targets within reach of both, six in each one's eyes: somebody is elsewhere."""
     _, outputs = own_targets_only(apart(10.0, np.radians(0.05), apart_m=0.0))
     assert set(states(outputs)) == {"observing"}
+
+
+def test_a_frame_taken_on_trust_is_given_up_when_targets_contradict_it() -> None:
+    """Ship b is 2 km from where it says, to 10 m; from step 25 on both see the same six targets."""
+    scene = apart(10.0, np.radians(0.05), apart_m=20_000.0)
+    a, b = scene.ships
+    apart_m = np.array([[0.0, -8_000.0 + 500.0 * k] for k in range(3)])
+    lens_m = np.array([[-4_000.0 + 1_500.0 * k, 9_000.0 + 400.0 * (k % 3)] for k in range(6)])
+    targets = np.vstack([apart_m, np.add(apart_m, (0.0, 36_000.0)), lens_m])
+    astray = replace(b, position_error_m=(2_000.0, 0.0))
+    scene = replace(scene, ships=(a, astray), targets_m=targets)
+    state, rng, said_of = scene.initial(), np.random.default_rng(9), []
+    for step in range(1, 45):
+        lens = range(6, 12 if step >= 25 else 6)
+        mine = {"a": (*range(3), *lens), "b": (*range(3, 6), *lens)}
+        said = [only(m, mine[m.carrier]) for m in scene.said(step, rng)]
+        state, out = pipeline.step(state, closed(step, said), said)
+        said_of.append(correction(out).state)
+    assert said_of[23] == "applied"
+    assert "applied" not in said_of[30:]
