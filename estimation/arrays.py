@@ -15,7 +15,9 @@ Indices: TypeAlias = NDArray[np.intp]
 
 def broadcast(*values: ArrayLike) -> tuple[Array, ...]:
     """The values as float arrays of one common shape."""
-    return np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in values))
+    arrays = [np.asarray(value, dtype=float) for value in values]
+    shape = np.broadcast(*arrays).shape
+    return tuple(a if a.shape == shape else np.broadcast_to(a, shape) for a in arrays)
 
 
 def beginnings(labels: Indices) -> Indices:

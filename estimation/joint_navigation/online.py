@@ -65,7 +65,7 @@ class Joint(NamedTuple):
     def of(self, slots: Sequence[int] | Indices) -> Array:
         """Covariance (k, k) of slots; zeros where one is known."""
         rows = _rows(self)[np.asarray(slots, dtype=np.intp)]
-        whole = self.covariance[np.ix_(rows, rows)]
+        whole: Array = self.covariance[rows[:, None], rows]
         known = rows < 0
         whole[known] = whole[:, known] = 0.0
         return whole
@@ -74,7 +74,7 @@ class Joint(NamedTuple):
         """Covariance (k, l) of slots with others; zeros where one is known."""
         rows = _rows(self)
         one, two = rows[np.asarray(slots)], rows[np.asarray(others)]
-        whole = self.covariance[np.ix_(one, two)]
+        whole: Array = self.covariance[one[:, None], two]
         whole[one < 0] = 0.0
         whole[:, two < 0] = 0.0
         return whole
@@ -216,13 +216,13 @@ def transformed(
     target, source = rows[list(out)], rows[list(into)]
     changed, used = np.flatnonzero(target >= 0), np.flatnonzero(source >= 0)
     target, source = target[changed], source[used]
-    step = by[np.ix_(changed, used)]
+    step = by[changed[:, None], used]
     tied = step @ joint.covariance[source]
     covariance = joint.covariance.copy()
     covariance[target] = tied
     covariance[:, target] = tied.T
-    own = tied[:, source] @ step.T + noise[np.ix_(changed, changed)]
-    covariance[np.ix_(target, target)] = (own + own.T) / 2
+    own = tied[:, source] @ step.T + noise[changed[:, None], changed]
+    covariance[target[:, None], target] = (own + own.T) / 2
     return joint._replace(mean=mean, covariance=covariance)
 
 
