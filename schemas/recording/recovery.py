@@ -9,7 +9,7 @@ into chunks where there is a new file for them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from struct import Struct
 from typing import NamedTuple
@@ -20,10 +20,12 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
-from ..errors import RecordingError
+from .. import codec
+from ..errors import RecordingError, WireError
 from .builder import CHUNK_BYTES
 from .contents import END, RUN, RunEnd, RunHeader, from_metadata, to_metadata
 from .index import Index, index_of
+from .reader import known_channel
 from .records import (
     HEAD,
     MAX_RECORD_BYTES,
@@ -122,21 +124,21 @@ def recover(path: Path, target: Path | None = None) -> Recovery:
             raise RecordingError("not a recording of crossfix", where=source.name, got=why)
         from_metadata(RunHeader, texts[RUN], source.name)  # one of a newer format is left alone
         if target is None:
-            index = index_of(source)
+            index = None if found.end or found.bad else index_of(source)
             _require_mendable(source, found, index)
-            if index.is_whole and (found.has_bare or not index.condition):
+            if index and index.is_whole and (found.has_bare or not index.condition):
                 return _untouched(source, index)
         return _write(source, found, target or path, has_end=END in texts)
     finally:
         source.close()
 
 
-def _require_mendable(source: Source, found: _Found, index: Index) -> None:
+def _require_mendable(source: Source, found: _Found, index: Index | None) -> None:
     """Refuse to mend in place what would lose something good by it."""
     if found.is_bad_within:
         what, got = "damaged before its end", found.damage[0]
         keeps = "keeps what is good before and after"
-    elif found.has_bare and not index.is_whole:
+    elif found.has_bare and not (index and index.is_whole):
         what, got = "cannot be mended in place", "messages outside of chunks"
         keeps = "puts them into chunks"
     else:
@@ -228,7 +230,7 @@ def _write(source: Source, found: _Found, target: Path, *, has_end: bool) -> Rec
             _take(source, resumed, one, found)
         # the index behind the last chunk may be torn, so that chunk is written anew as well
         again = list(_records(source, chunk_data(source, last))) if last else []
-        torn = list(_salvaged(source, found.end))
+        torn = list(_sensible(_salvaged(source, found.end), resumed.known))
         resumed.cut()
         for record in again:
             resumed.write_again(record)
@@ -291,8 +293,7 @@ def _end(messages: int) -> RunEnd:
 def _salvaged(source: Source, end: int) -> Iterator[Record]:
     """Records of a chunk that begins at `end` and is torn, as far as they decompress.
 
-    Nothing says whether they are right but the times and channels they name; where those do not
-    fit, the rest is left.
+    Where a message is not of the times that the chunk spans, the rest is left.
     """
     if not end or source.size < end + HEAD.size + _CHUNK.size:
         return
@@ -306,6 +307,23 @@ def _salvaged(source: Source, end: int) -> Iterator[Record]:
     for record in _records(source, _decompressed(name, torn[data_at:])):
         if isinstance(record, tuple) and not start_ns <= record[2] <= end_ns:
             return
+        yield record
+
+
+def _sensible(records: Iterable[Record], channels: Mapping[int, Channel]) -> Iterator[Record]:
+    """Records of a torn chunk up to the first message that cannot be one of its channel.
+
+    No checksum says whether they are right: behind a tear may stand anything.
+    """
+    known = {number: known_channel(channel) for number, channel in channels.items()}
+    for record in records:
+        if isinstance(record, Channel):
+            known.setdefault(record.id, known_channel(record))
+        elif isinstance(record, tuple) and (channel := known.get(record[0])):
+            try:
+                codec.decode(channel.address.topic.message, record[4], channel.encoding)
+            except WireError:
+                return
         yield record
 
 

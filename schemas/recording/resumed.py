@@ -33,7 +33,7 @@ class Resumed(McapBuilder):
         self._data_crc, self._sink = 0, self._file
         self._append(MCAP0_MAGIC)
         self._source = source
-        self.known: set[int] = set()
+        self.known: dict[int, Channel] = {}
         self.has_declared = False
         self._registered_schemas: set[int] = set()
 
@@ -71,9 +71,9 @@ class Resumed(McapBuilder):
             RecordingError: nobody knows what its messages are; nothing is taken over.
         """
         counts = {channel: (index.length - 6) // 16 for channel, index in indexes.items()}
-        if looking or not counts or not self.known.issuperset(counts):
+        if looking or not counts or not self.known.keys() >= counts.keys():
             counts = self._looked_into(chunk_data(self._source, frame))
-        if not self.known.issuperset(counts):
+        if not self.known.keys() >= counts.keys():
             raise self._source.damaged("its channels are in a lost chunk", frame.offset)
         head = self._source.read(frame.body, 64)
         place = self._copied(frame)
@@ -109,13 +109,12 @@ class Resumed(McapBuilder):
     def register(self, record: SchemaRecord | Channel) -> bytes:
         """Note a schema or channel once; the bytes of one that is new."""
         if isinstance(record, Channel):
-            kept, seen = self._channels, self.known
-        else:
-            kept, seen = self._schemas, self._registered_schemas
-        if record.id in seen:
+            is_new = self.known.setdefault(record.id, record) is record
+            return self._keep(self._channels, record) if is_new else b""
+        if record.id in self._registered_schemas:
             return b""
-        seen.add(record.id)
-        return self._keep(kept, record)
+        self._registered_schemas.add(record.id)
+        return self._keep(self._schemas, record)
 
     def write_again(self, record: SchemaRecord | Channel | RawMessage) -> bool:
         """Put a record of a torn chunk into a new one; whether it is a message on its channel."""

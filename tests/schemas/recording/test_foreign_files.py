@@ -248,3 +248,21 @@ def test_a_damaged_channel_costs_its_own_messages_alone(path: Path, tmp_path: Pa
     with open_recording(tmp_path / "new.mcap") as recording:
         assert everything(recording) == [w for w in STREAM if w.key != lost]
         recording.check()
+
+
+@pytest.mark.parametrize("behind", [bytes(3000), random.Random(SEED).randbytes(3000)])
+def test_of_a_torn_chunk_without_compression_nothing_wrong_is_salvaged(
+    path: Path, tmp_path: Path, behind: bytes
+) -> None:
+    """Zeros stand behind a tear when the power has failed."""
+    write_plainly(path, STREAM[:100], compression=CompressionType.NONE, chunk_size=10**9)
+    data, chance = path.read_bytes(), random.Random(SEED)
+    salvaged = 0
+    for number, size in enumerate(chance.sample(range(len(data) // 4, len(data) // 2), 30)):
+        path.write_bytes(data[:size] + behind)
+        done = recover(path, tmp_path / f"{number}.mcap")
+        with open_recording(tmp_path / f"{number}.mcap") as recording:
+            found = everything(recording)
+        assert found == STREAM[: len(found)]
+        salvaged += done.salvaged
+    assert salvaged > 0
