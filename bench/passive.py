@@ -101,15 +101,14 @@ def run(scenario: Scenario, seed: int) -> Run:
 
 
 def _judged(scenario: Scenario, step: Played, line: BearingLine, t_s: float) -> Judged:
-    """A line of this very step, from the own carrier."""
-    turn, own = _turn(scenario, step), step.carriers.carrier.index(OWN)
-    every = np.subtract(step.targets.position_m, step.carriers.position_m[own])[:, :2] @ turn.T
-    which = _whose(step, line, every)
-    target, apart = step.targets.identity[which], every[which]
-    range_m, error = float(np.hypot(*apart)), np.full(2, np.nan)
-    nees = float("nan")
+    """A line of this very step, by where everyone is in the picture."""
+    targets, carriers = _in_picture(scenario, step)
+    which = _whose(step, line, targets)
+    observer = carriers[np.argmin(np.hypot(*(carriers - line.observer_m).T))]
+    range_m, error = float(np.hypot(*(targets[which] - observer))), np.full(2, np.nan)
+    nees, target = float("nan"), step.targets.identity[which]
     if line.position_m is not None and line.covariance is not None:
-        error = np.subtract(line.position_m, line.observer_m) - apart
+        error = line.position_m - targets[which]
         c = line.covariance
         nees = float(error @ np.linalg.solve([[c[0], c[1]], [c[1], c[4]]], error))
     return Judged(
@@ -124,25 +123,33 @@ def _judged(scenario: Scenario, step: Played, line: BearingLine, t_s: float) -> 
     )
 
 
-def _whose(step: Played, line: BearingLine, every: Array) -> int:
-    """The target of a line: the one of its name, else the one that is where its bearing points."""
+def _whose(step: Played, line: BearingLine, targets: Array) -> int:
+    """The target of a line: the one of its name, else the one at its place or on its bearing."""
     name = line.id.rpartition("/")[2]
     if name in step.targets.identity:
         return step.targets.identity.index(name)
-    off = wrap_pi(np.arctan2(*every.T) - line.bearing_rad)
-    return int(np.argmin(np.abs(off)))
+    if line.carriers and line.position_m is not None:
+        return int(np.argmin(np.hypot(*(targets - line.position_m).T)))
+    bearing = np.arctan2(*(targets - line.observer_m).T)
+    return int(np.argmin(np.abs(wrap_pi(bearing - line.bearing_rad))))
 
 
-def _turn(scenario: Scenario, step: Played) -> Array:
-    """How true distances lie in the picture, whose north is the own carrier's at the origin."""
+def _in_picture(scenario: Scenario, step: Played) -> tuple[Array, Array]:
+    """Where targets and carriers truly are, as the picture has it: as the own carrier believes."""
     o, own = scenario.declared.origin, step.carriers.carrier.index(OWN)
     origin = Site(o.latitude_rad, o.longitude_rad, o.altitude_m)
     there = site_at(origin, np.array(step.carriers.position_m[own]))
     poses = [m.pose for m in step.said if isinstance(m, Navigation) and m.carrier == OWN]
     reported = Site(poses[-1].latitude_rad, poses[-1].longitude_rad, poses[-1].altitude_m)
-    believed = yaw_rad(target_from_source(origin, reported))
+    picture_from_own = target_from_source(origin, reported)
     true = yaw_rad(target_from_source(origin, there))
-    return rotation_clockwise(believed - true - step.carriers.north_error_rad[own])
+    turn = rotation_clockwise(yaw_rad(picture_from_own) - true - step.carriers.north_error_rad[own])
+    believed = picture_from_own.apply(np.zeros(3))[:2]
+    targets, carriers = (
+        believed + np.subtract(places, step.carriers.position_m[own])[:, :2] @ turn.T
+        for places in (step.targets.position_m, step.carriers.position_m)
+    )
+    return targets, carriers
 
 
 def figures(seed: int, runs: int) -> tuple[list[Figure], str]:

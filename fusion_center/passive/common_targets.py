@@ -115,10 +115,31 @@ def found_frame(scene: Scene) -> tuple[OwnAxesFrame, Misclosure] | None:
     return _now(scene, mean, covariance), told
 
 
+def carriers_in(scene: Scene, frame: OwnAxesFrame) -> tuple[Bearings, Bearings]:
+    """Bearings of both, the other carrier where a frame has it now."""
+    own, other, turned_rad = scene.own, scene.other, float(frame.D_rad)
+    way = other.way_m @ rotation_clockwise(turned_rad).T
+    bearing = other.bearing_rad + turned_rad
+    return (
+        bearings(own.t_s, own.way_m, own.bearing_rad, own.sigma_rad),
+        bearings(other.t_s, frame.q_m + way, bearing, other.sigma_rad),
+    )
+
+
+def prior_of(frame: OwnAxesFrame) -> FramePrior:
+    """How surely a frame is known, without correlations."""
+    return _uncorrelated(frame.covariance[np.ix_((2, 0, 1), (2, 0, 1))])
+
+
 def wide_prior(scene: Scene) -> FramePrior:
     """What navigation says of the frame at the middle of the other's way, without correlations."""
-    prior = _about_pivot(scene)
-    return FramePrior(float(np.sqrt(prior[0, 0])), float(np.sqrt(np.trace(prior[1:, 1:]))))
+    return _uncorrelated(_about_pivot(scene))
+
+
+def _uncorrelated(covariance: Array) -> FramePrior:
+    """Of a covariance (3, 3) of yaw, east, north."""
+    sigma_m = float(np.sqrt(np.trace(covariance[1:, 1:])))
+    return FramePrior(float(np.sqrt(covariance[0, 0])), sigma_m)
 
 
 def _about_pivot(scene: Scene) -> Array:

@@ -17,8 +17,16 @@ from numpy.typing import NDArray
 from estimation.arrays import Array
 from estimation.bearings_only import log_odds_of_one
 
+from ..relative_frames import corrections
 from ..state import Paired, Rays, State
-from .common_targets import MOTIONS, carriers_of, has_manoeuvred, wide_prior
+from .common_targets import (
+    MOTIONS,
+    carriers_in,
+    carriers_of,
+    has_manoeuvred,
+    prior_of,
+    wide_prior,
+)
 from .naming import AGREED, is_nameless
 from .windows import Sides, scene_of
 
@@ -166,9 +174,16 @@ def _log_odds(
     targets: Sides,
     pairs: tuple[NDArray[np.intp], NDArray[np.intp]],
 ) -> Array | None:
-    """Ln of how much likelier each pair is one target than two; None without a manoeuvre."""
+    """Ln of how much likelier each pair is one target than two; None where all would be alike.
+
+    A frame that is applied is held where it is, as surely as it is known. Else it is open, and
+    nothing tells pairs apart before a manoeuvre.
+    """
     scene = scene_of(state, name, t_ns, targets, WINDOW_S)
+    link = state.links[name]
+    if link.monitor.state == "applied" and link.estimate is not None:
+        frame = corrections.at(link.estimate, scene.prior)
+        return log_odds_of_one(*carriers_in(scene, frame), prior_of(frame), MOTIONS, pairs)
     if not has_manoeuvred(scene):
         return None
-    own, other = carriers_of(scene, 0.0)
-    return log_odds_of_one(own, other, wide_prior(scene), MOTIONS, pairs)
+    return log_odds_of_one(*carriers_of(scene, 0.0), wide_prior(scene), MOTIONS, pairs)
