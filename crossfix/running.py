@@ -19,8 +19,8 @@ from .commands.run import RunOptions
 from .commands.verify import verify
 from .launch import DEFAULT_PORT, Child, Launch, free_endpoint
 from .new_file import new_recording, require_new
-from .picture import require_bokeh
 from .progress import Watcher, new_console
+from .report import require_bokeh
 from .table import show_results
 
 HUB_S = 10.0
@@ -86,7 +86,7 @@ def _checked(path: Path, options: RunOptions) -> DeclaredScenario:
 
 def _drawn(recording: Path) -> Path:
     """The page of a recording, beside it."""
-    from .picture.report import write_page
+    from .report.writing import write_page
 
     page = recording.with_suffix(".html")
     write_page(recording, page)

@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -84,11 +83,3 @@ def await_ready(process: Process) -> None:
     """Wait until a publisher has made its messages."""
     assert process.stdout is not None
     assert process.stdout.readline().strip() == "ready"
-
-
-def await_size(path: Path, least: int) -> None:
-    """Wait until a file has grown."""
-    deadline_s = time.monotonic() + DEADLINE_S
-    while not path.exists() or path.stat().st_size < least:
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)

@@ -32,16 +32,16 @@ def report(
         as_json: print the figures as one JSON object; no page, unless `-o` asks for it.
         as_md: print the figures as Markdown; no page, unless `-o` asks for it.
     """
-    from crossfix.picture import report as reports
+    from crossfix.report import writing
 
     if output is None and (as_json or as_md):
-        figures = reports.read_figures(recording)
+        figures = writing.read_figures(recording)
     else:
         page = output or recording.parent / f"{recording.stem}.html"
-        figures = reports.write_page(recording, page)
+        figures = writing.write_page(recording, page)
         if not (as_json or as_md):
             print(f"report: {page}")
     if as_json:
-        print(reports.as_json(figures))
+        print(writing.as_json(figures))
     if as_md:
-        print(reports.as_markdown(figures), end="")
+        print(writing.as_markdown(figures), end="")

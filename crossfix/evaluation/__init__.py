@@ -9,7 +9,16 @@ from .alignment import (
     summarise_beacons,
     true_beacons_m,
 )
-from .frames import FrameError, FrameSummary, frame_errors, said_errors, summarise, symmetric
+from .frames import (
+    FrameError,
+    FrameSummary,
+    TrueFrame,
+    frame_errors,
+    said_errors,
+    summarise,
+    symmetric,
+    true_frame,
+)
 from .pictures import (
     CUTOFF_M,
     Judge,
@@ -23,8 +32,8 @@ from .pictures import (
 
 __all__ = [
     "CUTOFF_M", "AlignmentError", "AlignmentSummary", "BeaconSummary", "FrameError",
-    "FrameSummary", "Judge", "Known", "PictureError", "PictureSummary", "alignment_errors",
-    "frame_errors", "names_changed", "picture_errors", "said_errors", "summarise",
+    "FrameSummary", "Judge", "Known", "PictureError", "PictureSummary", "TrueFrame",
+    "alignment_errors", "frame_errors", "names_changed", "picture_errors", "said_errors", "summarise",
     "summarise_alignment", "summarise_beacons", "summarise_picture", "symmetric",
-    "true_beacons_m",
+    "true_beacons_m", "true_frame",
 ]  # fmt: skip

@@ -17,8 +17,8 @@ from crossfix.export.shapes import COLOURS
 from crossfix.export.situation import Situation, corrected
 from crossfix.making import Made, beside
 from crossfix.own_frames import as_own
-from crossfix.picture.tracks import SIGMAS
 from crossfix.reading_progress import Show, unseen
+from crossfix.report.tracks import SIGMAS
 from estimation.arrays import Array
 from estimation.frames import Site, on_surface, site_at
 from schemas import messages as m

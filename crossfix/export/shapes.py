@@ -14,7 +14,7 @@ from crossfix.export.foxglove_messages import (
     SpherePrimitive,
     Vector3,
 )
-from crossfix.picture.tracks import SIGMAS
+from crossfix.report.tracks import SIGMAS
 from estimation.arrays import Array
 from estimation.frames import RigidTransform
 

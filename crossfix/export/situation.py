@@ -8,8 +8,8 @@ import numpy as np
 
 from crossfix.evaluation import symmetric
 from crossfix.evaluation.recordings import own_carrier
-from crossfix.picture.axes import TruthView, View
-from crossfix.picture.logs import log_names
+from crossfix.report.axes import TruthView, View
+from crossfix.report.logs import log_names
 from estimation.arrays import Array
 from estimation.frames import (
     RigidTransform,

@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
-from crossfix.picture.report import write_page
+from crossfix.report.writing import write_page
 
 IMAGE = Path(__file__).with_name("strait.png")
 WIDTH, HEIGHT = 1280, 1000

@@ -16,8 +16,8 @@ from crossfix.evaluation import (
     summarise_beacons,
     true_beacons_m,
 )
-from crossfix.picture.figures import Figures
-from crossfix.picture.report import write_page
+from crossfix.report.figures import Figures
+from crossfix.report.writing import write_page
 from crossfix.table import show_results
 from schemas.bus.memory_bus import MemoryNetwork
 from schemas.messages import (

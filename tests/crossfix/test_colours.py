@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from crossfix.picture.style import CARRIERS, DARK, mixed, pale
+from crossfix.report.style import CARRIERS, DARK, mixed, pale
 
 SIGHTS = {
     "usual": np.eye(3),

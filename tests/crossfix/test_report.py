@@ -18,13 +18,13 @@ from msgspec.structs import replace
 
 from crossfix.evaluation import CUTOFF_M, names_changed, picture_errors
 from crossfix.evaluation.recordings import frame_summaries, picture_summary
-from crossfix.picture.figures import Figures, nees_interval
-from crossfix.picture.markdown import markdown_page
-from crossfix.picture.report import read_figures, write_page
-from crossfix.picture.series import frame_series, presence
-from crossfix.picture.story import Story, read_story
-from crossfix.picture.thinning import Thinned, stride
-from crossfix.picture.tracks import Scene, Track, found_lines, scene
+from crossfix.report.figures import Figures, nees_interval
+from crossfix.report.markdown import markdown_page
+from crossfix.report.series import frame_series, presence
+from crossfix.report.story import Story, read_story
+from crossfix.report.thinning import Thinned, stride
+from crossfix.report.tracks import Scene, Track, found_lines, scene
+from crossfix.report.writing import read_figures, write_page
 from estimation.arrays import Array
 from estimation.consistency import mean_interval
 from estimation.metrics import identity_changes
@@ -339,7 +339,7 @@ def test_only_the_page_needs_bokeh(
     form: tuple[str, ...], code: int, whole: Path, crossfix: Crossfix,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr("crossfix.picture.find_spec", lambda name: None)
+    monkeypatch.setattr("crossfix.report.find_spec", lambda name: None)
     shown = crossfix("report", whole, *form)
     assert shown.code == code
     assert ("pip install 'crossfix[view]'" in shown.err) == (code != 0)
@@ -348,7 +348,7 @@ def test_only_the_page_needs_bokeh(
 def test_a_run_that_is_to_be_drawn_needs_bokeh_before_it_starts(
     tmp_path: Path, crossfix: Crossfix, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("crossfix.picture.find_spec", lambda name: None)
+    monkeypatch.setattr("crossfix.report.find_spec", lambda name: None)
     output = tmp_path / "run.mcap"
     shown = crossfix("run", recordings.SMALL, "--report", "-o", output)
     assert shown.code == 2

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from crossfix.picture.report import write_page
+from crossfix.report.writing import write_page
 from schemas import keys
 from tests.crossfix import report_recordings as recordings
 

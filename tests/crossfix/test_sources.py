@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from crossfix.picture.sources import FEWEST, MOST_PARTS, mean_interval, squares_over_time
+from crossfix.report.sources import FEWEST, MOST_PARTS, mean_interval, squares_over_time
 from estimation.consistency import mean_interval as interval_of
 
 RUN_S = 1000.0

@@ -10,11 +10,11 @@ import pytest
 
 from crossfix.evaluation import true_frame
 from crossfix.evaluation.recordings import frame_summaries
-from crossfix.picture.axes import Axes
-from crossfix.picture.figures import figures_of
-from crossfix.picture.logs import Names, logs_of
-from crossfix.picture.series import frame_series
-from crossfix.picture.story import read_story
+from crossfix.report.axes import Axes
+from crossfix.report.figures import figures_of
+from crossfix.report.logs import Names, logs_of
+from crossfix.report.series import frame_series
+from crossfix.report.story import read_story
 from estimation.consistency import nees
 from estimation.frames import Site, target_from_source, wrap_pi
 from fusion_center.navigation import symmetric

@@ -1,4 +1,4 @@
-"""A recording as a picture: figures for people and programs, and a page that needs no network."""
+"""The report of a recording: figures for people and programs, and a page that needs no network."""
 
 from __future__ import annotations
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from crossfix.picture.framing import NAMED_TARGETS, PLOT_PX, Frame, frame_of, labels_of
-from crossfix.picture.labels import Box, Mark, Side, _candidates, sides
-from crossfix.picture.logs import Logs
-from crossfix.picture.tracks import CarrierPicture, Scene, Track, TrueTarget
+from crossfix.report.framing import NAMED_TARGETS, PLOT_PX, Frame, frame_of, labels_of
+from crossfix.report.labels import Box, Mark, Side, _candidates, sides
+from crossfix.report.logs import Logs
+from crossfix.report.tracks import CarrierPicture, Scene, Track, TrueTarget
 from estimation.arrays import Array
 
 NOTHING = np.zeros((0, 2))
