@@ -33,7 +33,7 @@ from .pictures import (
 __all__ = [
     "CUTOFF_M", "AlignmentError", "AlignmentSummary", "BeaconSummary", "FrameError",
     "FrameSummary", "Judge", "Known", "PictureError", "PictureSummary", "TrueFrame",
-    "alignment_errors", "frame_errors", "names_changed", "picture_errors", "said_errors", "summarise",
-    "summarise_alignment", "summarise_beacons", "summarise_picture", "symmetric",
+    "alignment_errors", "frame_errors", "names_changed", "picture_errors", "said_errors",
+    "summarise", "summarise_alignment", "summarise_beacons", "summarise_picture", "symmetric",
     "true_beacons_m", "true_frame",
 ]  # fmt: skip
