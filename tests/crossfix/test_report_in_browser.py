@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from crossfix.report.style import CARRIERS, DARK, SEA, TRUTH
 from crossfix.report.writing import write_page
 from schemas import keys
 from tests.crossfix import report_recordings as recordings
@@ -120,8 +121,32 @@ def test_it_draws_says_nothing_and_asks_nobody(kind: str, opened: Callable[..., 
 def test_the_picture_is_drawn_in_the_colours_of_the_carriers(
     opened: Callable[..., Opened],
 ) -> None:
+    drawn = pixels(opened("whole"))
+    assert min(drawn.get(channels(colour), 0) for colour in CARRIERS[:2]) > 50
+
+
+def test_who_wants_a_dark_page_has_one(opened: Callable[..., Opened]) -> None:
     report = opened("whole")
-    drawn = report.page.locator("#picture canvas").first.evaluate(
+    report.page.emulate_media(color_scheme="dark")
+    report.page.reload()
+    report.page.wait_for_function(
+        f"window.Bokeh && Bokeh.documents[0]?.is_idle && "
+        f"Bokeh.documents[0].get_model_by_name('picture').background_fill_color == '{DARK[SEA]}'",
+        timeout=DEADLINE_MS,
+    )
+    drawn = pixels(report)
+    assert min(drawn.get(channels(DARK[colour]), 0) for colour in CARRIERS[:2]) > 50
+    assert not any(drawn.get(channels(colour), 0) for colour in (TRUTH, SEA, CARRIERS[1]))
+
+
+def channels(colour: str) -> str:
+    """`#rrggbb` as the canvas has it."""
+    return ",".join(str(int(colour[n : n + 2], 16)) for n in (1, 3, 5))
+
+
+def pixels(report: Opened) -> dict[str, int]:
+    """How many pixels of the picture have each colour."""
+    found: dict[str, int] = report.page.locator("#picture canvas").first.evaluate(
         """canvas => {
             const {data} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
             const seen = {};
@@ -132,8 +157,7 @@ def test_the_picture_is_drawn_in_the_colours_of_the_carriers(
             return seen;
         }"""
     )
-    for carrier in ("59,76,192", "209,73,91"):
-        assert drawn[carrier] > 50
+    return found
 
 
 @pytest.mark.parametrize("width", [1600, 1280, 390])
