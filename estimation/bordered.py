@@ -228,19 +228,27 @@ def inverse(matrix: Array) -> Array:
     return (inverted + inverted.T) / 2
 
 
-def last_covariance(found: Solution) -> Array:
-    """(b + T, b + T) covariance of the last epoch's block, then theta, together."""
+def last_covariance(found: Solution, theta: Array | None = None) -> Array:
+    """(b + T, b + T) covariance of the last epoch's block, then theta, together.
+
+    Args:
+        theta: (T, T) covariance to take for that of theta, default the solution's own.
+    """
     b, factored = found.x.shape[1], found.factored
     ends = np.zeros((found.x.size, b))
     ends[-b:] = np.eye(b)
     alone = cho_solve_banded((factored.root, True), ends, check_finite=False)[-b:]
-    theta = found.covariance
+    theta = found.covariance if theta is None else theta
     tied = -factored.shadow[-b:] @ theta
     return np.block([[alone - tied @ factored.shadow[-b:].T, tied], [tied.T, theta]])
 
 
-def block_covariances(found: Solution) -> Array:
-    """(n, b, b) covariance of every x_k, by the backward recursion of selected inversion."""
+def block_covariances(found: Solution, theta: Array | None = None) -> Array:
+    """(n, b, b) covariance of every x_k, by the backward recursion of selected inversion.
+
+    Args:
+        theta: (T, T) covariance to take for that of theta, default the solution's own.
+    """
     n, b = found.x.shape
     diagonal, below = _root_blocks(found.factored.root, n, b)
     inverted = np.linalg.inv(diagonal).astype(float)
@@ -251,7 +259,8 @@ def block_covariances(found: Solution) -> Array:
     for k in range(n - 2, -1, -1):
         alone[k] = own[k] + gains[k].T @ alone[k + 1] @ gains[k]
     shadow = found.factored.shadow.reshape(n, b, -1)
-    spread: Array = shadow @ found.covariance @ transposed(shadow)
+    known = found.covariance if theta is None else theta
+    spread: Array = shadow @ known @ transposed(shadow)
     return alone + spread
 
 

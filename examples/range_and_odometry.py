@@ -45,7 +45,7 @@ class Drive(NamedTuple):
     Attributes:
         path: dead reckoning, one epoch for every range.
         logs: the ranges; beacons numbered in the order of `surveyed_m`.
-        surveyed_m: (J, 2) beacons, for comparison.
+        surveyed_m: (J, 2) beacons, for comparison; not a number where one was only heard.
         truth_m: (n, 2) places by GPS at the epochs, for comparison.
     """
 
@@ -78,7 +78,9 @@ def read(path: Path) -> Drive:
         tables[k].astype(float) for k in ("DR", "TD", "TL", "GT")
     )
     time = np.unique(measured[:, 0])
-    numbers = {beacon: number for number, beacon in enumerate(surveyed[:, 0])}
+    heard = np.setdiff1d(measured[:, 2], surveyed[:, 0])
+    numbers = {name: number for number, name in enumerate([*surveyed[:, 0], *heard])}
+    known = np.vstack([surveyed[:, 1:3], np.full((len(heard), 2), np.nan)])
     logs = ranges(
         np.searchsorted(time, measured[:, 0]),
         [numbers[beacon] for beacon in measured[:, 2]],
@@ -86,7 +88,7 @@ def read(path: Path) -> Drive:
         SIGMA_RANGE_M,
     )
     places = np.column_stack([np.interp(time, truth[:, 0], truth[:, i]) for i in (1, 2)])
-    return Drive(_reckoned(odometry, truth[0], time), logs, surveyed[:, 1:], places)
+    return Drive(_reckoned(odometry, truth[0], time), logs, known, places)
 
 
 def _reckoned(odometry: Array, first: Array, time: Array) -> DeadReckoning:
@@ -125,10 +127,12 @@ def survey(drive: Drive) -> Alignment:
 
 def compared(found: Alignment, drive: Drive) -> Comparison:
     """Errors against the survey and GPS, in the axes of the first pose."""
-    error = found.beacons_m[:, :2] - drive.surveyed_m
-    where = places_of(found.theta)[:, :2].ravel()
+    every = found.beacons_m[:, :2] - drive.surveyed_m
+    known = np.isfinite(every[:, 0])
+    error = every[known]
+    where = places_of(found.theta)[known, :2].ravel()
     return Comparison(
-        np.hypot(*error.T),
+        np.hypot(*every.T),
         float(rms(np.hypot(*(found.path_m - drive.truth_m).T))),
         float(rms(np.hypot(*(drive.path.path_m - drive.truth_m).T))),
         float(nees(error.ravel(), found.covariance[np.ix_(where, where)])) / len(where),

@@ -151,6 +151,11 @@ class Score(NamedTuple):
         """The posterior bound of the same."""
         return float(np.sqrt(self.variances[:, self._columns(what)].mean()))
 
+    def relative_error(self, what: str) -> float:
+        """Standard error of the RMSE by the RMSE, from the scatter of the flights."""
+        each = np.mean(self.errors[:, self._columns(what)] ** 2, axis=1)
+        return float(each.std() / each.mean() / (2 * np.sqrt(len(each))))
+
     def mirrored(self) -> int:
         """Runs in which a beacon ended up below the path."""
         heights = places_of(self.errors[0])[:, 2]

@@ -26,7 +26,8 @@ def closed_form_start(path: DeadReckoning, logs: Ranges, prior: Prior) -> Array:
     """Constants (7 + 4 J,) from ranges alone; what a prior is still needed for is which are known.
 
     Offsets are found where they have a prior sigma, else taken from the prior's mean. Scales,
-    heading bias and clock stay as the prior has them; heights are those over a level path.
+    heading bias and clock stay as the prior has them, and so do beacons that were never heard;
+    heights are those over a level path.
 
     Raises:
         ValueError: there are range differences, whose squares are not linear.
@@ -42,13 +43,18 @@ def closed_form_start(path: DeadReckoning, logs: Ranges, prior: Prior) -> Array:
     offset = np.where(open_offsets, each[:, 4], 0.0)
     level = each[:, :2]
     squared = each[:, 3] + offset**2 - np.sum(level**2, axis=1)
-    least = [_FLAT * np.median(logs.value_m[logs.beacon == i]) for i in range(beacons)]
+    heard = np.bincount(logs.beacon, minlength=beacons) > 0
+    least = [
+        _FLAT * np.median(logs.value_m[logs.beacon == i]) if heard[i] else 0.0
+        for i in range(beacons)
+    ]
     height = np.sqrt(np.maximum(squared, np.square(least)))
     found = np.column_stack([level + path.start_m, height])
     found[:, 2] += path.height_m[0]
     where = places_of(theta)
-    free = np.isin(where, prior.free)
+    free = np.isin(where, prior.free) & heard[:, None]
     theta[where[free]] = found[free]
+    open_offsets &= heard
     theta[offsets_of(theta)[open_offsets]] = offset[open_offsets]
     return theta
 

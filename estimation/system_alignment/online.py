@@ -13,14 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.arrays import Array, Indices
-from estimation.bordered import last_covariance
 from estimation.system_alignment.logs import DeadReckoning, Ranges
 from estimation.system_alignment.losses import Loss, huber
 from estimation.system_alignment.model import predicted_ranges
 from estimation.system_alignment.parameters import HEADING_BIAS, SPEED_SCALE, WIND, Prior, places_of
-from estimation.system_alignment.smoother import Alignment
+from estimation.system_alignment.smoother import Alignment, align
 
 _ASIDE = np.array([1.0, -1.0])  # a quarter turn clockwise, of (north, east)
+_ANEW, _LATER = 8, 1.5  # epochs; times as many before the next time
+_BENT, _SLIGHT = 1.5, 0.1  # sigmas of a range: with what it bends; doubt of a place by the distance
 _HOPELESS = 8.0  # sigmas of the prediction: a range so far off is not used at all
 
 
@@ -64,7 +65,7 @@ def started(path: DeadReckoning, prior: Prior) -> Filtered:
 def resumed(found: Alignment, time_s: float) -> Filtered:
     """The filter where the smoother ended; the constants are free that were free there."""
     place = found.solution.x[-1].copy()
-    return Filtered(place, found.theta, last_covariance(found.solution), time_s, found.prior.free)
+    return Filtered(place, found.theta, found.last_covariance, time_s, found.prior.free)
 
 
 def predicted(state: Filtered, path: DeadReckoning, epoch: int) -> Filtered:
@@ -164,14 +165,36 @@ def _bend(state: Filtered, beacon: Indices, height_m: float) -> tuple[Array, Arr
 
 
 def filtered(path: DeadReckoning, logs: Ranges, prior: Prior) -> Iterator[Filtered]:
-    """The filter after every epoch of a path."""
+    """The filter after every epoch of a path.
+
+    Once the doubt of a place has bent ranges by more than their noise, no filter remembers what
+    they have said: from then on all so far are aligned anew at epochs 8, 12, 18 and so on.
+    """
     order = np.argsort(logs.epoch, kind="stable")
     logs = logs.of(order)
     ends = np.searchsorted(logs.epoch, np.arange(len(path.interval_s) + 1))
-    state = started(path, prior)
+    state, bent, anew = started(path, prior), False, _ANEW
     for epoch, (first, last) in enumerate(pairwise(ends)):
         state = predicted(state, path, epoch)
         if last > first:
-            now = logs.of(slice(first, last))
-            state = updated(state, now, float(path.height_m[epoch]))
+            now, height = logs.of(slice(first, last)), float(path.height_m[epoch])
+            taken = second_order(state, now, height) if _may_bend(state, now, height) else now
+            bent = bent or bool(np.any(taken.sigma_m > _BENT * now.sigma_m))
+            state = updated(state, taken, height)
+        if bent and epoch + 1 >= anew:
+            found = align(path.until(epoch + 1), logs.of(slice(0, last)), prior)
+            state, anew = resumed(found, state.time_s), int(_LATER * anew)
         yield state
+
+
+def _may_bend(state: Filtered, logs: Ranges, height_m: float) -> bool:
+    """Whether the second order of some range may be a tenth of its noise: a quick bound."""
+    b, where = len(state.place), places_of(state.theta)
+    variance = np.zeros(len(state.theta))
+    variance[state.free] = np.diag(state.covariance)[b:]
+    apart = state.theta[where] - np.array([*state.place[:2], height_m])
+    doubt = variance[where].max(axis=1) + state.covariance[[0, 1], [0, 1]].max()
+    bend = doubt / np.maximum(np.sqrt(np.sum(apart**2, axis=1)), 1.0)
+    return bool(np.any(bend[logs.beacon] > _SLIGHT * logs.sigma_m)) or bool(
+        np.any((bend[logs.reference] > _SLIGHT * logs.sigma_m) & (logs.reference >= 0))
+    )

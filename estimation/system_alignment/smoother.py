@@ -95,12 +95,22 @@ class Alignment(NamedTuple):
     @property
     def end_covariance(self) -> Array:
         """(2, 2) of the last place."""
-        return last_covariance(self.solution)[:2, :2]
+        return self.last_covariance[:2, :2]
+
+    @property
+    def last_covariance(self) -> Array:
+        """(b + T, b + T) of the last place (and heading's error) and the free constants."""
+        return last_covariance(self.solution, self._of_free)
+
+    @property
+    def _of_free(self) -> Array:
+        """(T, T) of the free constants."""
+        return self.covariance[np.ix_(self.prior.free, self.prior.free)]
 
     @property
     def path_covariances(self) -> Array:
         """(n, 2, 2) of every place; a Python loop over the epochs."""
-        return block_covariances(self.solution)[:, :2, :2]
+        return block_covariances(self.solution, self._of_free)[:, :2, :2]
 
 
 def align(

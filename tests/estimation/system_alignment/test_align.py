@@ -26,6 +26,7 @@ from estimation.system_alignment import (
     PLAIN,
     Prior,
     align,
+    closed_form_start,
     dead_reckoning,
     places_of,
     prior,
@@ -291,3 +292,14 @@ def test_wrong_indices_are_refused() -> None:
         align(path, ranges(3, 0, 10.0, 1.0), known)
     with pytest.raises(ValueError, match="beacons 0 to 1"):
         align(path, ranges(0, 2, 10.0, 1.0), known)
+
+
+def test_a_beacon_never_heard_stays_where_the_prior_has_it() -> None:
+    one = flight(np.random.default_rng(8), 200)
+    alone = one.logs.of(one.logs.beacon == 0)
+    start = closed_form_start(one.path, alone, one.prior)
+    unheard, heard = places_of(start)[::-1]
+    np.testing.assert_array_equal(start[unheard], one.prior.mean[unheard])
+    assert np.all(start[heard] != one.prior.mean[heard])
+    found = align(one.path, alone, one.prior, start=start)
+    np.testing.assert_allclose(found.theta[unheard], one.prior.mean[unheard], atol=1e-6)
