@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from bench.figures import Figure, at_least, at_most, options, report, scale, told
+from fusion_center.admission.lives import Lives
 from fusion_center.process.ingest import Ingest
-from fusion_center.process.lives import Lives
 from schemas.bus.memory_bus import MemoryNetwork
 from schemas.bus.zenoh_bus import open_bus
 from schemas.conformance import Conformance

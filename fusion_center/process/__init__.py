@@ -1,1 +1,1 @@
-"""The fusion centre as a process: who takes part, what has come, when an instant is over."""
+"""The fusion centre as a process: who is here, what has come, when an instant is over."""

@@ -9,7 +9,7 @@ from schemas import keys
 from schemas.bus.interface import Liveness
 from schemas.bus.roster import Life, Roster
 
-from .lives import Lives, twins
+from ..admission.lives import Lives, twins
 
 MOST_NAMES = 256
 """Names said at a time, and things said once."""

@@ -11,6 +11,7 @@ from schemas.bus.ledger import StreamKey
 from schemas.bus.recovery import Gap
 from schemas.messages import Closed, DeclaredScenario, Step, StreamEnd, StreamSpan
 
+from ..admission.steps import instant_ns
 from .ingest import Ingest
 
 PATIENCE_S = 5.0
@@ -197,17 +198,3 @@ class PacedClosing:
         )
         self._gave_up, self._lost, self._joined = [], [], []
         return closed
-
-
-def instant_ns(scenario: DeclaredScenario, step: int) -> int:
-    """Scenario time of a step."""
-    return scenario.epoch_ns + step * scenario.step_ns
-
-
-def refusal(step: Step, scenario: DeclaredScenario) -> str:
-    """Why a step cannot be one of this run's; empty if it can."""
-    if step.step > scenario.steps:
-        return f"step {step.step} of {scenario.steps}"
-    if step.t_ns != instant_ns(scenario, step.step) and not step.ended:
-        return f"step {step.step} at another instant than its own"
-    return ""

@@ -15,9 +15,9 @@ from schemas.errors import WireError
 from schemas.messages import Closed, Input, SourceInfo, StreamEnd, StreamSpan, StreamStatistics
 from schemas.received import receive
 
+from ..admission.counts import UNKNOWN, StreamCounts
+from ..admission.lives import Door, Everyone, Known
 from ..timeline import BACK_NS
-from .counts import UNKNOWN, StreamCounts
-from .lives import Door, Everyone, Known
 
 log = logging.getLogger("fusion")
 

@@ -16,10 +16,11 @@ from schemas.errors import WireError
 from schemas.messages import Closed, DeclaredScenario, Event, Health, Input, Step
 
 from .. import pipeline
+from ..admission.steps import refusal
 from ..recorder import Recorder
 from ..settings import Settings
 from .attendance import Attendance
-from .closing import LockstepClosing, PacedClosing, refusal
+from .closing import LockstepClosing, PacedClosing
 from .ingest import Ingest
 from .operator import Operator
 

@@ -14,8 +14,8 @@ from schemas.bus.recovery import Gap, Recovery
 from schemas.bus.roster import Life
 from schemas.errors import WireError
 
-from ..process.counts import MAX_COUNT
-from ..process.lives import Known
+from ..admission.counts import MAX_COUNT
+from ..admission.lives import Known
 from .rows import Rows
 
 log = logging.getLogger("recorder")

@@ -15,7 +15,7 @@ from schemas.bus.ledger import StreamKey
 from schemas.errors import CrossfixError, WireError
 from schemas.messages import KeyStatistics
 
-from ..process.counts import MAX_COUNT
+from ..admission.counts import MAX_COUNT
 
 MAX_ROWS = 4096
 OTHERS = "others"

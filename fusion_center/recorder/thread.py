@@ -27,9 +27,9 @@ from schemas.messages import (
 from schemas.recording.contents import RunEnd
 from schemas.shapes import Envelope
 
-from ..process.counts import UNKNOWN, StreamCounts
-from ..process.lives import Lives
-from ..process.screening import Screen, Screened, Source, source_of
+from ..admission.counts import UNKNOWN, StreamCounts
+from ..admission.lives import Lives
+from ..admission.screening import Screen, Screened, Source, source_of
 from .commands import Commands
 from .gaps import Gaps
 from .rows import EVERYTHING, Queue, Row, Rows, Wanted

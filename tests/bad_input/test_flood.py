@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from fusion_center.admission.lives import Lives
 from fusion_center.process.ingest import Ingest
-from fusion_center.process.lives import Lives
 from fusion_center.recorder import Recorder
 from schemas import codec, keys
 from schemas.bus.interface import Sample

@@ -9,8 +9,8 @@ from pathlib import Path
 import msgpack
 import pytest
 
-from fusion_center.process.lives import MAX_LIVES, MAX_PROCESSES, Lives
-from fusion_center.process.screening import MAX_CHANNELS
+from fusion_center.admission.lives import MAX_LIVES, MAX_PROCESSES, Lives
+from fusion_center.admission.screening import MAX_CHANNELS
 from schemas import codec, keys
 from schemas.bus.interface import Sample
 from schemas.bus.memory_bus import MemoryNetwork

@@ -7,11 +7,12 @@ from typing import Any
 
 import pytest
 
+from fusion_center.admission.counts import MAX_STRANGE_ROWS
+from fusion_center.admission.lives import MAX_LIVES, MAX_STRANGERS, Lives
+from fusion_center.admission.steps import refusal
 from fusion_center.process.attendance import TWIN_S, Attendance
-from fusion_center.process.closing import PATIENCE_S, LockstepClosing, PacedClosing, refusal
-from fusion_center.process.counts import MAX_STRANGE_ROWS
+from fusion_center.process.closing import PATIENCE_S, LockstepClosing, PacedClosing
 from fusion_center.process.ingest import Ingest
-from fusion_center.process.lives import MAX_LIVES, MAX_STRANGERS, Lives
 from schemas import codec, keys
 from schemas.bus.interface import Liveness, Sample
 from schemas.bus.ledger import MAX_JUMP, MAX_SPANS, StreamKey

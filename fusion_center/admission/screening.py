@@ -28,8 +28,8 @@ from schemas.received import receive
 from schemas.recording.writer import MAX_ENCODING_CHARS
 from schemas.shapes import Lane, Shapes
 
-from .closing import instant_ns, refusal
 from .lives import Door, Lives
+from .steps import instant_ns, refusal
 
 MAX_CHANNELS = {"member": 2048, "stranger": 512, "status": 512, "run": 1000}
 """By whose they are; together no more than a recording takes."""
