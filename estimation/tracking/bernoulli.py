@@ -22,7 +22,7 @@ from estimation.tracking.imm import Bank
 from estimation.tracking.marginals import Candidates, Marginals
 from estimation.tracking.pairing import Paired, Sums, folded, paired
 from estimation.tracking.scan import Scan
-from estimation.tracking.tearing import torn
+from estimation.tracking.tearing import leading, torn
 
 PairTerm = Callable[[Indices, Indices], Array]
 _SUREST = 1e12  # times likelier than not: more is not believed of any pair
@@ -52,12 +52,6 @@ class Tracks(NamedTuple):
         bank, known = self.bank.take(which), self.features.take(which)
         return Tracks(self.identity[which], self.existence[which], bank, classes, known)
 
-    def put(self, which: Indices, others: Tracks) -> Tracks:
-        """The tracks with others in the rows `which`."""
-        order = np.arange(len(self.identity))
-        order[which] = len(order) + np.arange(len(which))
-        return joined(self, others).take(order) if which.size else self
-
 
 class Pairs(NamedTuple):
     """k gated pairs and what each would do to its track.
@@ -73,6 +67,11 @@ class Pairs(NamedTuple):
     likelihood: Array
     model: Array
     classes: Array
+
+    def take(self, which: Indices) -> Pairs:
+        """The pairs `which`, in that order."""
+        model, classes = self.model[:, which], self.classes[:, which]
+        return Pairs(self.ends.take(which), self.likelihood[which], model, classes)
 
     @property
     def track(self) -> Indices:
@@ -91,14 +90,14 @@ def none(classes: int, layout: Layout, models: int = 2) -> Tracks:
     return Tracks(nobody, np.empty(0), imm.empty(models), np.empty((classes, 0)), known)
 
 
-def joined(first: Tracks, second: Tracks) -> Tracks:
-    """The tracks of both, in order."""
+def joined(*parts: Tracks) -> Tracks:
+    """The tracks of all, in order."""
     return Tracks(
-        np.concatenate([first.identity, second.identity]),
-        np.concatenate([first.existence, second.existence]),
-        imm.joined(first.bank, second.bank),
-        np.concatenate([first.classes, second.classes], axis=-1),
-        features.joined(first.features, second.features),
+        np.concatenate([part.identity for part in parts]),
+        np.concatenate([part.existence for part in parts]),
+        imm.joined(*(part.bank for part in parts)),
+        np.concatenate([part.classes for part in parts], axis=-1),
+        features.joined(*(part.features for part in parts)),
     )
 
 
@@ -182,18 +181,32 @@ def _torn(
     tracks: Tracks, folds: Tracks, pairs: Pairs, share: Array, said: Said | None
 ) -> tuple[Tracks, Tracks]:
     """The tracks, those that are torn as their leading pair has them; and what is left of those."""
-    apart = torn(tracks.bank, folds.bank, pairs.ends, share, pairs.model)
-    row, part = pairs.track[apart.pair], share[apart.pair]
-    whole, classes = folds.take(row), pairs.classes[:, apart.pair]
-    left = np.maximum(whole.classes - classes * part, 0.0)
+    lead = leading(pairs.track, share, folds.existence)
+    some = pairs.take(lead)
+    apart = torn(tracks.bank, folds.bank, some.ends, share[lead], some.model)
+    some, part = some.take(apart.pair), share[lead[apart.pair]]
+    row, whole = some.track, folds.take(some.track)
+    left = np.maximum(whole.classes - some.classes * part, 0.0)
     rest = whole._replace(
         existence=whole.existence * (1.0 - part), bank=apart.rest, classes=left / left.sum(axis=0)
     )
     known = whole.features
     if said is not None:
-        known = features.after(tracks.features, said, row, pairs.plot[apart.pair])
-    lead = Tracks(whole.identity, whole.existence * part, apart.lead, classes, known)
-    return folds.put(row, lead), rest
+        known = features.after(tracks.features, said, row, some.plot)
+    torn_off = Tracks(whole.identity, whole.existence * part, apart.lead, some.classes, known)
+    return _with(folds, row, torn_off), rest
+
+
+def _with(folds: Tracks, row: Indices, others: Tracks) -> Tracks:
+    """The folds with others in some rows. Written into what is ours; features may not be."""
+    mine = (folds.existence, *folds.bank, folds.classes)
+    theirs = (others.existence, *others.bank, others.classes)
+    for part, into in zip(mine, theirs, strict=True):
+        part[..., row] = into
+    known = Features(*(part.copy() for part in folds.features))
+    for part, into in zip(known, others.features, strict=True):
+        part[..., row] = into
+    return folds._replace(features=known)
 
 
 def _told(tracks: Tracks, pairs: Pairs, share: Array, said: Said) -> Features:

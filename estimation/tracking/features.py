@@ -91,10 +91,10 @@ def unknown(layout: Layout, tracks: int) -> Features:
     )
 
 
-def joined(first: Features, second: Features) -> Features:
-    """Those of both, in order."""
-    both = zip(first, second, strict=True)
-    return Features(*(np.concatenate(parts, axis=-1) for parts in both))
+def joined(*known: Features) -> Features:
+    """Those of all, in order."""
+    parts = zip(*known, strict=True)
+    return Features(*(np.concatenate(part, axis=-1) for part in parts))
 
 
 def number_ratios(known: Features, said: Said, track: Indices, plot: Indices) -> Array:

@@ -31,7 +31,7 @@ class Motion(NamedTuple):
         sigma_speed_mps: one sigma of each velocity component of a target just found.
     """
 
-    noise: tuple[float, ...] = (1.0, 100.0)
+    noise: tuple[float, ...] = (1.0, 300.0)
     louder_s: tuple[float, ...] = (60.0,)
     quieter_s: tuple[float, ...] = (10.0,)
     sigma_speed_mps: float = 150.0
@@ -88,10 +88,10 @@ def bare(mean: Array, covariance: Array, model: Array) -> Bank:
     return Bank(mean, covariance, model, np.zeros((4, 0, *model.shape)))
 
 
-def joined(first: Bank, second: Bank) -> Bank:
-    """The tracks of both, in order."""
-    both = zip(first, second, strict=True)
-    return Bank(*(np.concatenate(parts, axis=-1) for parts in both))
+def joined(*banks: Bank) -> Bank:
+    """The tracks of all, in order."""
+    parts = zip(*banks, strict=True)
+    return Bank(*(np.concatenate(part, axis=-1) for part in parts))
 
 
 def born(place_m: Array, covariance_m2: Array, offset_s: Array, motion: Motion) -> Bank:
@@ -126,6 +126,12 @@ def combined(bank: Bank) -> tuple[Array, Array]:
     return mean[:, 0], covariance[:, :, 0]
 
 
+def places(bank: Bank) -> tuple[Array, Array]:
+    """Mean (2, n) and covariance (2, 2, n) of the place of each track over its models."""
+    place, spread = bank.mean[_PLACE], bank.covariance[_PLACE, _PLACE]
+    return combined(bank._replace(mean=place, covariance=spread))
+
+
 def _interacted(bank: Bank, dt_s: float, motion: Motion) -> Bank:
     """Each model restarted from the mixture that a change of model since the last time implies."""
     joint = motion.change(dt_s)[:, :, None] * bank.model[:, None]  # was i, is now j
@@ -140,9 +146,10 @@ def _mixed(bank: Bank, share: Array) -> tuple[Array, Array]:
     """First two moments of j mixtures of the models with shares (models, j, n).
 
     Returns:
-        mean (4, j, n), covariance (4, 4, j, n).
+        mean (4, j, n), covariance (4, 4, j, n); fewer components if the bank has fewer.
     """
-    mean, covariance = np.zeros((4, *share.shape[1:])), np.zeros((4, 4, *share.shape[1:]))
+    parts, shape = len(bank.mean), share.shape[1:]
+    mean, covariance = np.zeros((parts, *shape)), np.zeros((parts, parts, *shape))
     batch = _BATCH // share.shape[1]
     for first in range(0, share.shape[-1], batch):
         some = np.s_[..., first : first + batch]

@@ -32,6 +32,12 @@ class View(NamedTuple):
     start_rad: float = 0.0
     width_rad: float = 2 * math.pi
 
+    @property
+    def everywhere(self) -> bool:
+        """Whether it has no limits."""
+        limited = self.range_min_m > 0 or math.isfinite(self.range_max_m)
+        return not limited and self.width_rad >= 2 * math.pi
+
     def holds(self, place_m: Array) -> NDArray[np.bool_]:
         """Which of the places (2, ...) are in view."""
         east, north = (axis - site for axis, site in zip(place_m, self.site_m, strict=True))
@@ -48,6 +54,8 @@ class View(NamedTuple):
         Range and bearing as if they were independent and normal. A target at the edge is neither
         surely seen nor surely missed: else its plots would begin one new track after another.
         """
+        if self.everywhere:
+            return np.ones(place_m.shape[-1])
         from scipy.special import ndtr  # noqa: PLC0415  (0.1 s, at the first use)
 
         off = place_m - np.asarray(self.site_m)[:, None]

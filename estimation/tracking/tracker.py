@@ -134,8 +134,8 @@ def step(
     pairs = bernoulli.gated(now.tracks, scan, settings.gate, term)
     classes, layout = np.asarray(settings.classes), settings.features
     lone = alone(now.undetected, scan, settings.motion, classes, layout)
-    place, spread = imm.combined(now.tracks.bank)
-    in_view = scan.view.chance(place[:2], spread[:2, :2])
+    place, spread = imm.places(now.tracks.bank)
+    in_view = scan.view.chance(place, spread)
     detection = min(scan.detection, _SUREST) * in_view
     candidates = bernoulli.candidates(now.tracks, pairs, detection, lone.density)
     marginals = settings.associate(candidates)
@@ -143,14 +143,14 @@ def step(
     new, begun = _named(lone.tracks, marginals.plot_alone, now.begun, settings.pruned)
     errors = now.tracks.bank.shared.shape[1]
     new = new._replace(bank=frame_errors.begun(new.bank, scan.common, errors))
-    lost = undetected.vague(settings.region, spread[:2, :2]) & (marginals.track_alone > _MISSED)
+    lost = undetected.vague(settings.region, spread) & (marginals.track_alone > _MISSED)
     kept = old.take(np.flatnonzero((old.existence >= settings.pruned) & ~lost))
-    hidden = undetected.returned(lone.undetected, place[:2, lost], old.existence[lost])
+    hidden = undetected.returned(lone.undetected, place[:, lost], old.existence[lost])
     first = now.begun + len(new.identity)
     torn, hidden = _kept(rest, first, hidden)
     after = Picture(
         scan.t_ns,
-        bernoulli.joined(bernoulli.joined(kept, new), torn),
+        bernoulli.joined(kept, new, torn),
         hidden,
         first + len(torn.identity),
         now.frames,
@@ -218,9 +218,9 @@ def _named(lone: Tracks, chance: Array, first: int, pruned: float) -> tuple[Trac
 
 def _kept(rest: Tracks, first: int, hidden: Undetected) -> tuple[Tracks, Undetected]:
     """What is left of torn tracks, named; if it hardly exists it goes back to the undetected."""
-    place, _ = imm.combined(rest.bank)
+    place, _ = imm.places(rest.bank)
     faint = rest.existence < _FAINT
-    hidden = undetected.returned(hidden, place[:2, faint], rest.existence[faint])
+    hidden = undetected.returned(hidden, place[:, faint], rest.existence[faint])
     kept = rest.take(np.flatnonzero(~faint))
     return kept._replace(identity=first + np.arange(len(kept.identity))), hidden
 

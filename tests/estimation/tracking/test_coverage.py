@@ -80,6 +80,17 @@ def test_the_chance_of_a_target_at_the_edge_is_the_share_of_its_places_in_view(
     assert chance[0] == pytest.approx(view.holds(draws).mean(), abs=0.03)
 
 
+def test_a_view_without_limits_is_as_sure_of_every_place_as_one_of_a_million_kilometres() -> None:
+    places = np.random.default_rng(6).normal(0, 1e5, (2, 50))
+    covariance = 1e6 * np.broadcast_to(np.eye(2)[..., None], (2, 2, 50))
+    endless, vast = View(SITE), View(SITE, 0.0, 1e9)
+    assert endless.everywhere
+    assert not any(view.everywhere for view in (vast, *VIEWS))
+    np.testing.assert_array_equal(
+        endless.chance(places, covariance), vast.chance(places, covariance)
+    )
+
+
 def test_the_chance_falls_from_one_to_nothing_across_the_side_of_a_sector() -> None:
     view = View(np.zeros(2), 0.0, 50_000.0, 1.0, 0.6)
     bearing = np.array([1.3, 1.02, 1.6, 1.61, 0.98, 2.5, 1.3 + np.pi])

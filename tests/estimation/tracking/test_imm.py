@@ -111,6 +111,14 @@ def test_combined_has_the_moments_of_the_mixture() -> None:
     )  # 4 sigmas
 
 
+def test_places_are_the_first_half_of_what_is_combined() -> None:
+    bank = some_bank(np.random.default_rng(6), 9)
+    mean, covariance = imm.combined(bank)
+    place, spread = imm.places(bank)
+    np.testing.assert_array_equal(place, mean[:2])
+    np.testing.assert_array_equal(spread, covariance[:2, :2])
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_gradients_are_those_of_the_expected_values(kind: str) -> None:
     rng = np.random.default_rng(5)

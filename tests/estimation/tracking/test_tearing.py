@@ -16,7 +16,7 @@ from estimation.tracking import imm, tracker
 from estimation.tracking.imm import Bank, Motion
 from estimation.tracking.measurements import polar
 from estimation.tracking.scan import Scan, View
-from estimation.tracking.tearing import without
+from estimation.tracking.tearing import leading, without
 from estimation.tracking.tracker import Picture, Settings, nothing, shown, step
 from estimation.tracking.undetected import Region, expected
 from tests.estimation.tracking.states import some_bank
@@ -61,6 +61,15 @@ def test_a_model_that_is_all_of_the_part_leaves_nothing_absurd() -> None:
     np.testing.assert_array_equal(found.model, rest.model)
     matrices = np.moveaxis(found.covariance, (0, 1), (-2, -1))
     assert (np.linalg.eigvalsh(matrices) > -1e-6).all()
+
+
+def test_the_likeliest_pair_leads_if_it_stands_by_itself() -> None:
+    """By more than all others together, or by being likelier than a quarter to be a target."""
+    track = np.array([0, 0, 0, 1, 1, 2, 3, 4, 4])
+    share = np.array([0.3, 0.4, 0.26, 0.45, 0.4, 0.6, 0.995, 0.3, 0.3])
+    existence = np.array([1.0, 0.3, 0.02, 1.0, 1.0])
+    found = leading(track, share, existence)
+    assert found.tolist() == [1, 5, 7]  # never two of one track
 
 
 @dataclass(frozen=True)
@@ -115,13 +124,23 @@ def test_what_is_left_is_another_track_with_what_existence_is_left(crossing: Cro
     assert abs(imm.combined(after.tracks.bank)[0][0, rest]) == pytest.approx(1500.0, rel=0.2)
 
 
+def test_tearing_leaves_the_picture_before_as_it_was(crossing: Crossing) -> None:
+    tracks = crossing.before.tracks
+    parts = (*tracks.bank, tracks.existence, tracks.classes)
+    copies = [part.copy() for part in parts]
+    after, _ = step(crossing.before, crossing.scan, SETTINGS)
+    assert len(after.tracks.identity) > len(tracks.identity)
+    for part, copy in zip(parts, copies, strict=True):
+        np.testing.assert_array_equal(part, copy)
+
+
 def test_tearing_neither_makes_nor_unmakes_targets(
     crossing: Crossing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Faint rests too: they go back to the undetected."""
     numbers = []
-    for half, faint in ((1.0, 0.1), (0.5, 0.1), (0.5, 0.9)):
-        monkeypatch.setattr("estimation.tracking.tearing._HALF", half)
+    for most, faint in ((0.0, 0.1), (0.99, 0.1), (0.99, 0.9)):
+        monkeypatch.setattr("estimation.tracking.tearing._ALL", most)
         monkeypatch.setattr(tracker, "_FAINT", faint)
         after, _ = step(crossing.before, crossing.scan, SETTINGS)
         numbers.append((len(after.tracks.identity), tracker.number(after).mean))
@@ -138,8 +157,8 @@ def test_a_crowd_seen_from_far_is_told_apart_sooner(monkeypatch: pytest.MonkeyPa
     size = Size(2500, 158e3, 21, sigma_bearing_rad=0.0164)
     scene = drawn(np.random.default_rng(3), size)
     found = []
-    for half in (0.5, 1.0):
-        monkeypatch.setattr("estimation.tracking.tearing._HALF", half)
+    for most in (0.99, 0.0):
+        monkeypatch.setattr("estimation.tracking.tearing._ALL", most)
         run = ours.run(ours.scans_of(scene, scene.pose), ours.settings_for(scene))
         found.append(score(scene, run).gospa_m)
     assert found[0] < 0.9 * found[1]
