@@ -9,6 +9,8 @@ carried over from one solution to the next.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from msgspec.structs import replace
 
@@ -18,7 +20,7 @@ from schemas.messages import SourceReport
 from ..relative_frames import corrections, monitor
 from ..relative_frames.links import obstacle, sees_bearings_only
 from ..relative_frames.monitor import MAX_REASON
-from ..state import Estimate, Link, State
+from ..state import Estimate, Link, Rays, State
 from ..timeline import Instant
 from . import pairing
 from .common_targets import found_frame, has_manoeuvred
@@ -58,11 +60,15 @@ def _is_due(state: State, name: str, t_ns: int) -> bool:
     tried, settings = state.links[name].bearings_t_ns, state.settings.passive
     if tried >= 0 and t_ns - tried < round(settings.frames_every_s * 1e9):
         return False
-    common = _common(state, name, t_ns)
-    if not common:
-        common = pairing.candidates(state, name, t_ns)
-    newest = [max((int(rays.t_ns[-1]) for rays in side.values()), default=-1) for side in common]
-    return min(newest) > tried
+    return any(
+        min(_newest(side) for side in targets) > tried
+        for targets in (_common(state, name, t_ns), pairing.candidates(state, name, t_ns))
+    )
+
+
+def _newest(targets: Mapping[str, Rays]) -> int:
+    """When the last of their bearings was taken."""
+    return max((int(rays.t_ns[-1]) for rays in targets.values()), default=-1)
 
 
 def _common(state: State, name: str, t_ns: int) -> Sides:

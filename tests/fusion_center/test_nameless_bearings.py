@@ -7,9 +7,10 @@ import pytest
 from msgspec.structs import replace
 
 from bench.in_process import played
+from fusion_center.passive.frames import _is_due
 from fusion_center.passive.naming import is_nameless, names, target_of, with_nameless
 from fusion_center.passive.pairing import _sure
-from fusion_center.state import Paired, State
+from fusion_center.state import Paired, Rays, State
 from schemas.messages import SourceReport
 from sim_world.scenario import load_scenario
 from tests.golden.make import SCENARIOS
@@ -69,3 +70,20 @@ def test_only_what_stands_out_in_its_row_and_its_column_is_a_pair() -> None:
     assert _sure(table) == [(0, 0), (1, 1)]
     assert not _sure(np.full((1, 1), -9.0))
     assert not _sure(np.zeros((2, 2)))
+
+
+def test_one_common_target_that_has_ended_does_not_hold_up_the_others(
+    met: tuple[State, SourceReport],
+) -> None:
+    """An attempt is due when those that nothing joins yet have news."""
+    state, report = met
+    now, tried = report.t_ns + 60_000_000_000, report.t_ns + 1
+    link = replace(state.links["picket"], bearings_t_ns=tried)
+    rays = state.rays["hunter/name/uniform"]
+    grown = Rays(t_ns=now - 10**9 * np.arange(4, 0, -1), seen=np.repeat(rays.seen[:1], 4, axis=0))
+    old = replace(grown, t_ns=grown.t_ns - 70 * 10**9)
+    common = {f"{name}/name/uniform": old for name in ("hunter", "picket")}
+    fresh = {f"{name}/#sonar/bearing 1": grown for name in ("hunter", "picket")}
+    for known, due in ((common, False), (common | fresh, True)):
+        later = replace(state, links={"picket": link}, rays=known)
+        assert _is_due(later, "picket", now) == due
