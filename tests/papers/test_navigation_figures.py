@@ -24,9 +24,10 @@ SURE = (
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
 def test_the_bench_runs_small() -> None:
     command = [sys.executable, "-m", "bench.navigation", "--runs", "8", "--json", "--seed", "3"]
-    done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=280)
+    done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=580)
     printed = json.loads(done.stdout)
     held = {figure["name"]: figure["holds"] for figure in printed["figures"]}
     assert {name: held[name] for name in SURE} == dict.fromkeys(SURE, True)
