@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crossfix.evaluation import symmetric
+from crossfix.evaluation.frames import sensor_norths_rad
 from crossfix.evaluation.recordings import own_carrier
 from crossfix.report.axes import TruthView, View
 from crossfix.report.logs import log_names
@@ -117,7 +118,8 @@ class Situation:
             return None
         index = truth.carrier.index(self.own)
         own_site = site_at(self.origin, truth.position_m[index])
-        north_error = truth.north_error_rad[index] if truth.north_error_rad else 0.0
+        # by the own sensors, as the errors of the picture are judged
+        north_error = sensor_norths_rad(truth)[index] if truth.north_error_rad else 0.0
         return TruthView(target_from_source(own_site, self.origin), north_error, believed)
 
 
