@@ -34,7 +34,10 @@ def known_beforehand(moment: Moment, name: str) -> Estimate | None:
         return None
     fixed, between = in_fixed_axes(frame, prior), moment.between[name]
     nobody = Misclosure(0, 0.0, 0)
-    found = corrections.estimated(frame, fixed, prior, between, nobody, "joint", plot)
+    try:
+        found = corrections.estimated(frame, fixed, prior, between, nobody, "joint", plot)
+    except (np.linalg.LinAlgError, ValueError):  # its navigation states no covariance that is one
+        return None
     return found if found.directions[0].status == "determined" else None
 
 
