@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from crossfix.evaluation import symmetric
-from crossfix.evaluation.frames import sensor_norths_rad
 from crossfix.evaluation.recordings import own_carrier
-from crossfix.report.axes import TruthView, View
+from crossfix.report.axes import TruthView, View, truth_seen_by
 from crossfix.report.logs import log_names
 from estimation.arrays import Array
 from estimation.frames import (
@@ -116,11 +115,7 @@ class Situation:
         believed = self.view(self.own, truth.t_ns) if truth else None
         if truth is None or believed is None or self.own not in truth.carrier:
             return None
-        index = truth.carrier.index(self.own)
-        own_site = site_at(self.origin, truth.position_m[index])
-        # by the own sensors, as the errors of the picture are judged
-        north_error = sensor_norths_rad(truth)[index] if truth.north_error_rad else 0.0
-        return TruthView(target_from_source(own_site, self.origin), north_error, believed)
+        return truth_seen_by(self.own, truth, self.origin, believed)
 
 
 class Corrected(NamedTuple):

@@ -56,6 +56,14 @@ class TruthView(NamedTuple):
         return self.believed.picture_from_carrier.apply(seen)[:, :2]
 
 
+def truth_seen_by(own: str, truth: TruthCarriers, origin: Site, believed: View) -> TruthView:
+    """How the truth is seen by a carrier of it, by its own sensors, as the picture is judged."""
+    index = truth.carrier.index(own)
+    north_error = sensor_norths_rad(truth)[index] if truth.north_error_rad else 0.0
+    own_site = site_at(origin, truth.position_m[index])
+    return TruthView(target_from_source(own_site, origin), north_error, believed)
+
+
 class Axes:
     """Takes what a story tells into the picture's axes."""
 
@@ -110,11 +118,7 @@ class Axes:
         believed = self.view(self._story.own, truth.t_ns)
         if believed is None or self._story.own not in truth.carrier:
             return None
-        index = truth.carrier.index(self._story.own)
-        own_site = site_at(self.origin, truth.position_m[index])
-        # by the own sensors, as the errors of the picture are judged
-        north_error = sensor_norths_rad(truth)[index] if truth.north_error_rad else 0.0
-        return TruthView(target_from_source(own_site, self.origin), north_error, believed)
+        return truth_seen_by(self._story.own, truth, self.origin, believed)
 
 
 def _time(message: Navigation) -> int:

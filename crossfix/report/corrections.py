@@ -12,9 +12,11 @@ from bokeh.models.annotations.geometry import BoxAnnotation
 from bokeh.models.annotations.labels import Label
 
 from estimation.arrays import Array
+from estimation.relative_frame.observability import DETERMINED, WEAK
 
 from .clock import POINTS, Clock, rule, usual_range
 from .figures import DIMENSIONS, nees_interval
+from .innovations import draw_squares
 from .series import FrameSeries
 from .sources import squares_over_time
 from .style import FAINT, STATES, TRUTH, Figure, hover, new_figure, whole_numbers
@@ -25,8 +27,6 @@ HEIGHT = 210
 MEAN_OF = 30
 """NEES values in the moving mean."""
 LEAST_NEES = 1e-3
-DETERMINED, WEAK = 0.5, 0.9
-"""Posterior over prior sigma below which a direction is determined, or weakly so."""
 LEAST_RATIO = 1e-4
 
 
@@ -119,11 +119,7 @@ def _misclosures(series: FrameSeries, clock: Clock, colour: str) -> Figure:
     plot = clock.figure(HEIGHT, title="misclosures: chi2 / degree of freedom")
     found = squares_over_time(series.t_s, series.chi2, series.dof, float(series.t_s[-1]))
     plot.y_range = Range1d(start=0, end=usual_range(found.mean, found.high).end)
-    source = clock.columns(found.t_s, mean=found.mean, low=found.low, high=found.high)
-    plot.varea("t", "low", "high", source=source, fill_color=STATES["applied"], fill_alpha=0.2)
-    rule(plot, 1.0, FAINT)
-    line = plot.line("t", "mean", source=source, line_color=colour, line_width=1.6)
-    plot.add_tools(clock.hover(line, chi2="@mean{0.00}", honest="@low{0.00} to @high{0.00}"))
+    draw_squares(plot, found, clock, colour, "chi2")
     return plot
 
 

@@ -28,9 +28,17 @@ def nis_plots(story: Story, clock: Clock, colours: Mapping[str, str]) -> list[Fi
 def _plot(name: str, found: SquaresOverTime, clock: Clock, colour: str) -> Figure:
     plot = clock.figure(HEIGHT, title=f"{name}: NIS / degree of freedom")
     plot.y_range.start = 0
-    source = clock.columns(found.t_s, nis=found.mean, low=found.low, high=found.high)
+    draw_squares(plot, found, clock, colour, "NIS")
+    return plot
+
+
+def draw_squares(
+    plot: Figure, found: SquaresOverTime, clock: Clock, colour: str, name: str
+) -> None:
+    """A line of averaged squares in the band where honest sigmas put it."""
+    source = clock.columns(found.t_s, mean=found.mean, low=found.low, high=found.high)
     plot.varea("t", "low", "high", source=source, fill_color=STATES["applied"], fill_alpha=0.2)
     rule(plot, 1.0, FAINT)
-    line = plot.line("t", "nis", source=source, line_color=colour, line_width=1.8)
-    plot.add_tools(clock.hover(line, NIS="@nis{0.00}", honest="@low{0.00} to @high{0.00}"))
-    return plot
+    line = plot.line("t", "mean", source=source, line_color=colour, line_width=1.8)
+    told = {name: "@mean{0.00}", "honest": "@low{0.00} to @high{0.00}"}
+    plot.add_tools(clock.hover(line, **told))

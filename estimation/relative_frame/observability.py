@@ -12,7 +12,7 @@ from estimation.arrays import Array
 FRAME_NAMES = ("location east", "location north", "orientation")
 Status = Literal["determined", "weak", "undetermined"]
 
-_DETERMINED, _WEAK = 0.5, 0.9  # posterior sigma over prior sigma
+DETERMINED, WEAK = 0.5, 0.9  # posterior sigma over prior sigma
 _UNNOTICED = 0.5  # of the sigma of one plot: whoever joins it to others hardly sees the difference
 _SAYS = 1e-3  # prior sigmas by data sigmas below which the data say nothing
 _PART = 0.15  # share of a direction's motion from which a parameter is named
@@ -77,7 +77,7 @@ def _direction(axis: Array, shrunk: Array, root: Array, sigmas: Array) -> Direct
     """The direction of one unit `axis` (3,) of the space where the prior is the unit matrix."""
     ratio = float(np.sqrt(axis @ shrunk @ axis))
     motion = root @ axis
-    return Direction(_name(motion, sigmas), ratio, _status(ratio), motion)
+    return Direction(_name(motion, sigmas), ratio, status(ratio), motion)
 
 
 def _against(direction: Direction, plot: Array) -> Direction:
@@ -87,11 +87,11 @@ def _against(direction: Direction, plot: Array) -> Direction:
     return direction._replace(status="determined") if unnoticed else direction
 
 
-def _status(ratio: float) -> Status:
+def status(ratio: float) -> Status:
     """How far a direction is determined."""
-    if ratio < _DETERMINED:
+    if ratio < DETERMINED:
         return "determined"
-    return "weak" if ratio < _WEAK else "undetermined"
+    return "weak" if ratio < WEAK else "undetermined"
 
 
 def _name(motion: Array, sigmas: Array) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
@@ -24,6 +24,7 @@ from estimation.joint_navigation.online import (
     STAMP,
     Joint,
 )
+from estimation.relative_frame.observability import status
 from estimation.system_alignment import Prior, dead_reckoning, prior, ranges
 from estimation.system_alignment.model import Model
 from estimation.system_alignment.observability import diagnosis
@@ -36,7 +37,6 @@ from .axes import BEACON, CARRIER, whereabouts
 from .frames import terms
 from .joining import beacon_m, beacons, joint_of, sigma_of
 
-_DETERMINED, _WEAK = 0.5, 0.9  # posterior over prior sigma
 _TOUCHED = 0.3  # prior sigmas of a beacon's place, from which it takes part in a direction
 _NOTHING = ranges([], [], [], [])
 
@@ -246,7 +246,7 @@ def _carrier(state: State, group: Group, name: str) -> AlignedCarrier:
         late.add(0, joint.first(CARRIER + state.own) + STAMP, -1.0)
     return AlignedCarrier(
         carrier=name,
-        status=_status(member),
+        status=status(member.ratio),
         t_ns=member.t_ns,
         position_m=place.tolist(),
         covariance=triangle_of(unsure),
@@ -269,9 +269,3 @@ def _carrier(state: State, group: Group, name: str) -> AlignedCarrier:
         logs=member.logs,
         terms=list(terms(state, name)),
     )
-
-
-def _status(member: Member) -> Literal["determined", "weak", "undetermined"]:
-    if member.ratio < _DETERMINED:
-        return "determined"
-    return "weak" if member.ratio < _WEAK else "undetermined"
