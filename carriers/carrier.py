@@ -13,7 +13,7 @@ from estimation.arrays import Array
 from estimation.frames import Site, geodetic_from_enu, on_surface, site_at
 from schemas import keys
 from schemas.errors import ScenarioError
-from schemas.feedback import corrected
+from schemas.feedback import applied, corrected
 from schemas.messages import (
     Correction,
     Navigation,
@@ -36,7 +36,6 @@ from sim_world.schedule import Look
 from sim_world.sensors import Sensor
 from sim_world.tracking_radar import Observation, RadarTracker
 
-from .feedback import applied
 from .reports import plot_columns, track_columns
 
 LIGHT_MPS = 299_792_458.0

@@ -7,18 +7,13 @@ it is the newest that has come.
 
 from __future__ import annotations
 
-from math import pi, remainder
-
-from msgspec.structs import replace
-
 from schemas import keys
 from schemas.bus.ledger import StreamKey
 from schemas.bus.recovery import Gap
-from schemas.feedback import TURN, WINDOW, Corrected
-from schemas.messages import Correction, Feedback, Navigation, Pose
+from schemas.feedback import WINDOW, applied, corrected
+from schemas.messages import Correction, Input, Navigation
 
 MOST_KEPT = 128
-NS = 1e-9
 
 
 class Corrections:
@@ -59,49 +54,34 @@ class Corrections:
         self._by_step.clear()
 
 
-def applied(
-    correction: Correction | None,
-    navigation: Navigation,
-    since_ns: int,
-    reckoning_m2_s: float = 0.0,
-) -> Corrected | None:
-    """A correction put to the pose of a moment; None if there is none to be applied.
+class Newest:
+    """Applies the newest correction that has come to all that a carrier says.
 
-    Args:
-        navigation: of now, without any correction.
-        since_ns: since when the carrier errs as it does now: the start of its life, or a fix. What
-            was found of before holds no longer.
-        reckoning_m2_s: variance per axis that the noise of its readings gives its way in a second.
+    For carriers that answer no steps; nothing is applied before their first Navigation.
     """
-    if correction is None or correction.state != "applied" or correction.feedback is None:
-        return None
-    if correction.valid_t_ns < since_ns:
-        return None
-    passed_s = (navigation.t_ns - correction.valid_t_ns) * NS
-    pose = _moved(navigation.pose, correction.feedback, passed_s)
-    if abs(pose.latitude_rad) > pi / 2:
-        return None
-    grown = 1.0 + (passed_s / correction.valid_for_s) ** 2 if correction.valid_for_s else 1.0
-    astray_m2 = reckoning_m2_s * abs(passed_s)
-    covariance = _spread(correction.feedback.covariance, grown, astray_m2)
-    pose = replace(pose, covariance=covariance)
-    return Corrected(correction.id, pose, correction.feedback.north_rad)
 
+    def __init__(self) -> None:
+        self._correction: Correction | None = None
+        self._own: Navigation | None = None
+        self._errs_since_ns = 0
 
-def _moved(pose: Pose, feedback: Feedback, passed_s: float) -> Pose:
-    """A pose with what a correction adds to it, so long after it was found."""
-    latitude = feedback.latitude_rad + passed_s * feedback.latitude_rad_s
-    longitude = feedback.longitude_rad + passed_s * feedback.longitude_rad_s
-    return replace(
-        pose,
-        latitude_rad=pose.latitude_rad + latitude,
-        longitude_rad=remainder(pose.longitude_rad + longitude, TURN),
-        heading_rad=remainder(pose.heading_rad + feedback.north_rad, TURN),
-    )
+    def note(self, correction: Correction) -> None:
+        """Take one in; one that is older than the last is left aside."""
+        if self._correction is None or correction.step > self._correction.step:
+            self._correction = correction
 
+    def corrected(self, message: Input) -> Input:
+        """What the carrier is about to say, in its corrected frame."""
+        if isinstance(message, Navigation):
+            self._navigated(message)
+        if self._own is None:
+            return message
+        held = applied(self._correction, self._own, self._errs_since_ns)
+        return corrected(message, held)
 
-def _spread(covariance: list[float], grown: float, astray_m2: float) -> list[float]:
-    """The covariance of (east, north, own north) with that of the place grown, and added to."""
-    ee, en, ea, nn, na, aa = covariance
-    root = grown**0.5
-    return [ee * grown + astray_m2, en * grown, ea * root, nn * grown + astray_m2, na * root, aa]
+    def _navigated(self, own: Navigation) -> None:
+        """A fix brings another error than before, unless the error of its fixes is constant."""
+        renewed = own.kind == "fix" and own.correlation_time_s > 0
+        if self._own is None or renewed:
+            self._errs_since_ns = own.t_ns
+        self._own = own

@@ -5,8 +5,9 @@
 
 It is one more carrier: a ship at anchor with a radar, whose own idea of where it is and where north
 lies is wrong. It says what its radar is, where it believes to be, and at every step what it sees;
-the fusion centre finds out how wrong it is, and the answer is printed. docs/publishing.md explains
-each part, docs/wire.md lists every field.
+the fusion centre finds out how wrong it is, and the answer is printed; with --use-corrections all
+that is said from then on is right. docs/publishing.md explains each part, docs/wire.md lists every
+field.
 """
 
 import argparse
@@ -127,8 +128,26 @@ def ask(session: zenoh.Session, key: str, question: Message | None = None) -> Me
     raise TimeoutError(f"nobody answers for {key}")
 
 
-def observe(us: Publisher, step: Message, pose: Message, *, answer: bool) -> None:
-    """Say everything there is to say at one step."""
+def corrected(pose: Message, logs: Message, correction: Message, t_ns: int) -> list[Message]:
+    """What to say of our place and of what we see with a correction; as they are without one."""
+    if (add := correction.get("feedback")) is None:
+        return [{"pose": pose}, logs]
+    passed_s = (t_ns - correction["valid_t_ns"]) / 1e9
+    right = {**pose, "covariance": add["covariance"]}
+    for angle in ("latitude_rad", "longitude_rad"):
+        right[angle] += add[angle] + passed_s * add.get(f"{angle}_s", 0.0)
+    turned = [(bearing + add["north_rad"]) % (2 * pi) for bearing in logs.get("bearing_rad", [])]
+    name = {"correction_id": correction["id"]}
+    return [
+        {"pose": right, "uncorrected": pose, **name},
+        {**logs, "bearing_rad": turned, "turned_rad": add["north_rad"], **name},
+    ]
+
+
+def observe(
+    us: Publisher, step: Message, pose: Message, correction: Message, *, answer: bool
+) -> None:
+    """Say everything there is to say at one step, with a correction unless it is empty."""
     number = step["step"]
     question = {"boot": "", "stream": "truth/targets", "first": number, "last": number}
     kept = ask(us.session, f"{us.root}/backfill/world", question)["records"]
@@ -140,9 +159,10 @@ def observe(us: Publisher, step: Message, pose: Message, *, answer: bool) -> Non
     if not us.sent["info"]:
         info = {"source": "radar", "properties": RADAR}
         us.send(f"source/{us.name}/radar", "SourceInfo", "info", {**when, **info})
-    navigation = {"pose": pose, "kind": "fix"}
+    where, seen = corrected(pose, logs, correction, step["t_ns"])
+    navigation = {**where, "kind": "fix"}
     us.send(f"navigation/{us.name}", "Navigation", "navigation", {**when, **navigation})
-    us.send(f"report/{us.name}/radar", "SourceReport", "radar", {**when, **logs})
+    us.send(f"report/{us.name}/radar", "SourceReport", "radar", {**when, **seen})
 
 
 def told(correction: Message) -> str:
@@ -156,7 +176,9 @@ def told(correction: Message) -> str:
     return f"{text}: {east:+.0f} m east, {north:+.0f} m north, bearings {turn:+.2f} deg"
 
 
-def take_part(session: zenoh.Session, run: str, name: str, *, answer: bool) -> str:
+def take_part(
+    session: zenoh.Session, run: str, name: str, *, answer: bool, use_corrections: bool
+) -> str:
     """Join a run, observe every step, print what the corrections do; why it ended."""
     root = f"crossfix/@v1/{run}"
     pose = believed_pose(ask(session, f"{root}/scenario")["origin"])
@@ -167,6 +189,7 @@ def take_part(session: zenoh.Session, run: str, name: str, *, answer: bool) -> s
     token = session.liveliness().declare_token(f"{root}/alive/{name}/{us.boot}")
     print(f"{name} takes part in {run}, boot {us.boot}", flush=True)
     done, state, ended = 0, "", ""
+    correction: Message = {}
     while True:
         if answer:
             us.ack(done)
@@ -180,6 +203,7 @@ def take_part(session: zenoh.Session, run: str, name: str, *, answer: bool) -> s
             if message["state"] != state:
                 state = message["state"]
                 print(told(message), flush=True)
+            correction = message if use_corrections else {}
         elif us.boot in message.get("given_up", []):
             return "given up by the world, for it did not hear from us: start again"
         elif message.get("ended"):
@@ -187,7 +211,7 @@ def take_part(session: zenoh.Session, run: str, name: str, *, answer: bool) -> s
         elif message["step"] > done:
             done = message["step"]
             if answer or heard.qsize() < BEHIND:  # rather miss a step than be late at all of them
-                observe(us, message, pose, answer=answer)
+                observe(us, message, pose, correction, answer=answer)
 
 
 def main() -> None:
@@ -199,6 +223,7 @@ def main() -> None:
     parser.add_argument("--name", default="visitor", help="of this carrier")
     parser.add_argument("--connect", default="tcp/127.0.0.1:7447", help="endpoint of the hub")
     parser.add_argument("--answer-steps", action="store_true", help="in lock-step, be waited for")
+    parser.add_argument("--use-corrections", action="store_true", help="say all as corrected")
     given = parser.parse_args()
     config = zenoh.Config.from_json5(
         json.dumps(
@@ -215,7 +240,8 @@ def main() -> None:
         sys.exit(f"no hub at {given.connect}: `crossfix run` says where it listens")
     with session:
         try:
-            reason = take_part(session, given.run, given.name, answer=given.answer_steps)
+            how = {"answer": given.answer_steps, "use_corrections": given.use_corrections}
+            reason = take_part(session, given.run, given.name, **how)
         except TimeoutError:
             reason = "the world is silent"
         print("ended:", reason)

@@ -8,12 +8,21 @@ that whoever works with its own frame takes it out again: a pose to the bit, log
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import cos, pi, sin
+from math import cos, pi, remainder, sin
 from typing import NamedTuple, TypeVar
 
 from msgspec.structs import replace
 
-from .messages import Increment, Input, Navigation, Pose, SourceReport, TrackFilter
+from .messages import (
+    Correction,
+    Feedback,
+    Increment,
+    Input,
+    Navigation,
+    Pose,
+    SourceReport,
+    TrackFilter,
+)
 from .messages.values import order_of_triangle
 
 TURN = 2 * pi
@@ -21,6 +30,7 @@ WINDOW = 8
 """In lock-step a correction of step k is applied from step k + WINDOW on: the world grants that
 step only after the fusion centre has acknowledged step k."""
 T = TypeVar("T")
+NS = 1e-9
 _STEP_DIGITS = 18
 
 
@@ -36,6 +46,35 @@ class Corrected(NamedTuple):
     id: str
     pose: Pose
     turned_rad: float
+
+
+def applied(
+    correction: Correction | None,
+    navigation: Navigation,
+    since_ns: int,
+    reckoning_m2_s: float = 0.0,
+) -> Corrected | None:
+    """A correction put to the pose of a moment; None if there is none to be applied.
+
+    Args:
+        navigation: of now, without any correction.
+        since_ns: since when the carrier errs as it does now: the start of its life, or a fix. What
+            was found of before holds no longer.
+        reckoning_m2_s: variance per axis that the noise of its readings gives its way in a second.
+    """
+    if correction is None or correction.state != "applied" or correction.feedback is None:
+        return None
+    if correction.valid_t_ns < since_ns:
+        return None
+    passed_s = (navigation.t_ns - correction.valid_t_ns) * NS
+    pose = moved(navigation.pose, correction.feedback, passed_s)
+    if abs(pose.latitude_rad) > pi / 2:
+        return None
+    grown = 1.0 + (passed_s / correction.valid_for_s) ** 2 if correction.valid_for_s else 1.0
+    astray_m2 = reckoning_m2_s * abs(passed_s)
+    covariance = _spread(correction.feedback.covariance, grown, astray_m2)
+    pose = replace(pose, covariance=covariance)
+    return Corrected(correction.id, pose, correction.feedback.north_rad)
 
 
 def correction_id(centre: str, carrier: str, step: int) -> str:
@@ -130,6 +169,25 @@ def _turned(report: SourceReport, angle_rad: float) -> SourceReport:
         filter=_each(turn.filter, report.filter),
         increment=_each(turn.increment, report.increment),
     )
+
+
+def moved(pose: Pose, feedback: Feedback, passed_s: float) -> Pose:
+    """A pose with what a correction adds to it, so long after it was found."""
+    latitude = feedback.latitude_rad + passed_s * feedback.latitude_rad_s
+    longitude = feedback.longitude_rad + passed_s * feedback.longitude_rad_s
+    return replace(
+        pose,
+        latitude_rad=pose.latitude_rad + latitude,
+        longitude_rad=remainder(pose.longitude_rad + longitude, TURN),
+        heading_rad=remainder(pose.heading_rad + feedback.north_rad, TURN),
+    )
+
+
+def _spread(covariance: list[float], grown: float, astray_m2: float) -> list[float]:
+    """The covariance of (east, north, own north) with that of the place grown, and added to."""
+    ee, en, ea, nn, na, aa = covariance
+    root = grown**0.5
+    return [ee * grown + astray_m2, en * grown, ea * root, nn * grown + astray_m2, na * root, aa]
 
 
 class _Turn(NamedTuple):

@@ -14,8 +14,9 @@ import msgspec
 
 from schemas import keys
 from schemas.errors import WireError
-from schemas.messages import Pose, SourceProperties
+from schemas.messages import Correction, Input, Navigation, Pose, SourceProperties, SourceReport
 
+from ..feedback import Newest
 from .counts import Counts
 from .records import Reading, RecordError
 
@@ -48,6 +49,7 @@ class Station(NamedTuple):
             unless `coordinates_known`.
         max_clock_error_s: stamps further from the run's time than this are late or refused.
         stamp_arrivals: take the time of arrival for every stamp.
+        use_corrections: say everything with the correction that the fusion centre has sent last.
     """
 
     pose: Pose | None = None
@@ -56,6 +58,7 @@ class Station(NamedTuple):
     coordinates_known: bool = False
     max_clock_error_s: float = 1.0
     stamp_arrivals: bool = False
+    use_corrections: bool = False
 
 
 class Bridge:
@@ -72,6 +75,16 @@ class Bridge:
         self._sources: set[str] = set()
         self._told: set[str] = set()
         self._navigated_ns = -NAVIGATION_NS
+        self._newest = Newest()
+
+    @property
+    def uses_corrections(self) -> bool:
+        """Whether it wants to hear them."""
+        return self._station.use_corrections
+
+    def hear(self, correction: Correction) -> None:
+        """Apply a correction from now on, unless there is a newer one."""
+        self._newest.note(correction)
 
     def take(self, found: Reading | RecordError) -> RecordError | None:
         """Publish a reading, or count a bad record; what is wrong with it, if anything."""
@@ -109,7 +122,7 @@ class Bridge:
             self.counts.late += t_ns < now_ns - self._tolerance_ns
         elif reading.topic is keys.SOURCE:
             self._told.add(reading.source)
-        self._send(reading.topic, reading.source, message)
+        self._send(reading.topic, reading.source, self._corrected(message))
 
     def _require_source(self, reading: Reading) -> None:
         """Refuse a source whose reports could not be told from other streams."""
@@ -127,7 +140,7 @@ class Bridge:
             raise RecordError("source", f"more than {MAX_SOURCES} sources", got=reading.source)
         self._sources.add(reading.source)
 
-    def _message(self, reading: Reading, t_ns: int) -> msgspec.Struct:
+    def _message(self, reading: Reading, t_ns: int) -> Input:
         """The message of a reading with its envelope, checked.
 
         Raises:
@@ -143,9 +156,30 @@ class Bridge:
             "t_ns": t_ns,
         }
         try:
-            return msgspec.convert(fields, reading.topic.message)
+            message = msgspec.convert(fields, reading.topic.message)
         except msgspec.ValidationError as error:
             raise bad_field(str(error), fields) from None
+        assert isinstance(message, Input)  # noqa: S101 (what carriers say)
+        return message
+
+    def _corrected(self, message: Input) -> Input:
+        """A message in the corrected frame, if there is one.
+
+        Raises:
+            RecordError: its sender has applied a correction already, or it cannot be turned.
+        """
+        named = isinstance(message, Navigation | SourceReport) and message.correction_id
+        if named and self.uses_corrections:
+            raise RecordError(
+                "correction_id",
+                "the bridge applies the corrections",
+                got=named,
+                expected="records without it, or no --use-corrections",
+            )
+        try:
+            return self._newest.corrected(message)
+        except ValueError as error:
+            raise RecordError("covariance", str(error)) from None
 
     def _completed(self, reading: Reading) -> dict[str, Any]:
         """The fields of a reading, with the station's covariance where a pose lacks its own."""
@@ -160,7 +194,7 @@ class Bridge:
         self._navigated_ns = t_ns
         pose = msgspec.to_builtins(self._station.pose)
         reading = Reading(keys.NAVIGATION, {"pose": pose, "kind": "fix"})
-        self._send(reading.topic, "", self._message(reading, t_ns))
+        self._send(reading.topic, "", self._corrected(self._message(reading, t_ns)))
 
     def _tell(self, report: Reading, t_ns: int) -> None:
         """Say what a source is before its first report that shows it."""
@@ -178,10 +212,9 @@ class Bridge:
         info = Reading(keys.SOURCE, fields, report.source)
         self._send(info.topic, info.source, self._message(info, t_ns))
 
-    def _send(self, topic: keys.Topic, source: str, message: msgspec.Struct) -> None:
+    def _send(self, topic: keys.Topic, source: str, message: Input) -> None:
         self._outlet.send(topic, (self.carrier, source) if source else (self.carrier,), message)
-        stream = message.stream  # type: ignore[attr-defined]
-        self._last_seq[stream] = message.seq  # type: ignore[attr-defined]
+        self._last_seq[message.stream] = message.seq
         self.counts.published += 1
 
 

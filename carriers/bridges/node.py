@@ -10,9 +10,11 @@ import msgspec
 
 from schemas import keys
 from schemas.bus.answering import reply_to
-from schemas.bus.interface import Sample
+from schemas.bus.interface import Inbox, Sample
 from schemas.bus.member import Member
-from schemas.messages import ProcessState
+from schemas.errors import WireError
+from schemas.messages import Correction, ProcessState
+from schemas.received import receive
 
 from .bridge import Bridge
 from .feeds import Feed
@@ -72,6 +74,7 @@ class BridgeNode:
         self._member, self._feed, self._decode = member, feed, decode
         self._bridge, self._clock = bridge, clock
         self._complaints = Complaints()
+        self._corrections: Inbox[Sample] = Inbox()
         self._stop = False
 
     def stop(self) -> None:
@@ -83,6 +86,7 @@ class BridgeNode:
         watch = self._open()
         ended_s = float("inf")
         while not self._stop:
+            self._hear()
             for arrival in self._feed.take(PUMP_S):
                 for found in self._decode(arrival):
                     if (error := self._bridge.take(found)) is not None:
@@ -105,8 +109,21 @@ class BridgeNode:
         control, data = self._member.buses
         watch = RunWatch(control, run, self._clock)
         data.serve(keys.STATE.key(run, process), self._status)
+        if self._bridge.uses_corrections:
+            data.subscribe(keys.CORRECTION.key(run, keys.FUSION, process), self._corrections)
         self._member.announce()
         return watch
+
+    def _hear(self) -> None:
+        """Take in the corrections that have come."""
+        for sample in self._corrections.take():
+            try:
+                message = receive(sample).message
+            except WireError as error:
+                log.warning("refused a correction: %s", error)
+                continue
+            if isinstance(message, Correction):
+                self._bridge.hear(message)
 
     def _status(self, question: Sample) -> Iterable[Sample]:
         """Answer who asks for the state now, and not only once a second."""

@@ -65,6 +65,7 @@ class StationOptions:
         sigma_xy: the same of cartesian and geodetic logs, per axis in metres.
         stamp: `line` takes the time of a record where it has one; `arrival` takes the time of the
             run at which it came, for records of another clock.
+        use_corrections: say everything in the frame that the fusion centre has found to be true.
     """
 
     position: str | None = None
@@ -77,6 +78,7 @@ class StationOptions:
     sigma_range: Sigma | None = None
     sigma_xy: Sigma | None = None
     stamp: Literal["line", "arrival"] = "line"
+    use_corrections: Annotated[bool, Parameter(negative="")] = False
 
 
 @Parameter(name="*")
@@ -244,6 +246,7 @@ def station_of(options: StationOptions) -> Station:
             properties=msgspec.convert(properties, SourceProperties),
             coordinates_known=options.coordinates is not None,
             stamp_arrivals=options.stamp == "arrival",
+            use_corrections=options.use_corrections,
         )
     except msgspec.ValidationError as error:
         raise CrossfixError(str(error), where="of carrier and sources") from None

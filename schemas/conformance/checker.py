@@ -10,6 +10,7 @@ from ..bus.ledger import StreamKey
 from ..errors import WireError
 from ..messages import (
     Ack,
+    Correction,
     DeclaredScenario,
     Input,
     Navigation,
@@ -21,6 +22,7 @@ from ..messages import (
 from ..received import receive
 from . import raw as reading
 from . import refusals
+from .corrections import CorrectionsCheck
 from .findings import Finding, Notes
 from .logs import LogsCheck
 from .residuals import Residuals, SigmaCheck
@@ -68,6 +70,7 @@ class Conformance:
         self._acked: set[str] = set()
         self._stepped: dict[str, str] = {}
         self._speakers = Speakers()
+        self._corrections = CorrectionsCheck(self._notes)
         self._navigated: set[str] = set()
 
     def take(self, sample: Sample, arrived_s: float, *, fetched: bool = False) -> None:
@@ -89,7 +92,7 @@ class Conformance:
         if address.topic.role is keys.Role.INPUT and carrier:
             if self._only in (None, carrier):
                 self._take_input(address, sample, arrived_s, fetched)
-        elif address.topic in (keys.STEP, keys.SCENARIO, keys.ACK):
+        elif address.topic in (keys.STEP, keys.SCENARIO, keys.ACK, keys.CORRECTION):
             self._take_control(address, sample)
 
     def began(self, carrier: str, boot: str) -> None:
@@ -142,6 +145,7 @@ class Conformance:
             logs.judge(notes, self._declared(name), unheard=self._is_unheard(name))
             self._judge_tracks(notes, name)
         self._judge_carriers(notes)
+        self._corrections.judge(notes)
         return notes.findings()
 
     # taking
@@ -157,6 +161,8 @@ class Conformance:
             self._scenario = message
         elif isinstance(message, Ack):
             self._acked.add(message.process)
+        elif isinstance(message, Correction):
+            self._corrections.sent(message)
 
     def _take_input(
         self, address: keys.Address, sample: Sample, arrived_s: float, fetched: bool
@@ -186,6 +192,8 @@ class Conformance:
         self._take_message(carrier, message)
 
     def _take_message(self, carrier: str, message: Input) -> None:
+        if isinstance(message, Navigation | SourceReport):
+            self._corrections.take(message)
         if isinstance(message, SourceInfo):
             self._infos[carrier, message.source] = message.properties
         elif isinstance(message, Navigation):

@@ -124,6 +124,27 @@ CODES: Mapping[str, Code] = {
     "track_reused": Code(
         "error", "Give a new target a new track_id (or identity): this one leapt across the scene."
     ),
+    "correction_hidden": Code(
+        "error",
+        "Say what a corrected message is without its correction: Navigation correction_id and "
+        "uncorrected, SourceReport correction_id and turned_rad.",
+    ),
+    "correction_name": Code(
+        "error",
+        "Name the id of the Correction that you have applied: one sent to this carrier, that "
+        "carries feedback. When it carries none, drop what you had applied.",
+    ),
+    "correction_place": Code(
+        "error",
+        "Add feedback.latitude_rad and longitude_rad to the pose you have without any correction, "
+        "and their rates for every second since valid_t_ns.",
+    ),
+    "correction_turn": Code(
+        "error", "Add feedback.north_rad to every bearing, and say it in turned_rad."
+    ),
+    "correction_half": Code(
+        "warning", "Turn what you report by feedback.north_rad too: pose and reports are one frame."
+    ),
     "unanswered": Code(
         "error", "Set step to 0, or acknowledge each step on ack/CARRIER: else nothing is fused."
     ),

@@ -7,10 +7,18 @@ from math import radians
 import pytest
 
 from carriers.carrier import Carrier, Outgoing, Stamp
-from carriers.feedback import MOST_KEPT, Corrections
+from carriers.feedback import MOST_KEPT, Corrections, Newest
 from schemas import codec
 from schemas.feedback import WINDOW, uncorrected
-from schemas.messages import Correction, Feedback, Input, Navigation, Ranging, SourceReport
+from schemas.messages import (
+    Correction,
+    Feedback,
+    Input,
+    Navigation,
+    Pose,
+    Ranging,
+    SourceReport,
+)
 from sim_world.scenario import Scenario
 from sim_world.world import World
 from tests.sim_world.scenes import Tree, carrier, radar, scenario, target
@@ -170,3 +178,59 @@ def test_only_so_many_are_kept() -> None:
         known.note(correction(step, 0))
     assert known.newest() == correction(2 * MOST_KEPT - 1, 0)
     assert known.missing(step=MOST_KEPT + WINDOW - 1, first_step=1)
+
+
+# carriers without steps
+
+
+def here(t_ns: int, **more: object) -> Navigation:
+    """Navigation of a carrier that stands where it stands."""
+    fields = {"kind": "fix", "pose": Pose(latitude_rad=0.6, longitude_rad=-0.1)} | more
+    return Navigation(
+        carrier="own", boot="b", stream="navigation", seq=1, t_ns=t_ns, **fields
+    )  # fmt: skip
+
+
+PLOT = SourceReport(
+    carrier="own", boot="b", stream="radar", seq=1, t_ns=9, bearing_rad=[1.0], range_m=[5e3]
+)
+
+
+def test_without_steps_the_newest_is_applied_from_the_first_navigation_on() -> None:
+    newest = Newest()
+    newest.note(correction(8, 8))
+    assert newest.corrected(PLOT) == PLOT
+    assert newest.corrected(here(8)) != here(8)
+    newest.note(correction(5, 5))
+    turned = newest.corrected(PLOT)
+    assert isinstance(turned, SourceReport)
+    assert (turned.correction_id, turned.turned_rad) == ("fusion/own/8", radians(2))
+    assert turned.bearing_rad == pytest.approx([1.0 + radians(2)])
+    newest.note(correction(9, 9, state="suspended", feedback=None))
+    assert newest.corrected(PLOT) == PLOT
+    assert newest.corrected(here(10)) == here(10)
+
+
+@pytest.mark.parametrize(
+    ("again", "holds"),
+    [
+        pytest.param({}, True, id="fixes that err alike"),
+        pytest.param({"correlation_time_s": 60.0}, False, id="a fix that errs anew"),
+        pytest.param({"kind": "dead_reckoning", "correlation_time_s": 60.0}, True, id="no fix"),
+    ],
+)
+def test_what_was_found_holds_as_long_as_the_error_does(
+    again: dict[str, object], holds: bool
+) -> None:
+    newest = Newest()
+    newest.corrected(here(3))
+    newest.note(correction(8, 8))
+    said = newest.corrected(here(12, **again))
+    assert isinstance(said, Navigation)
+    assert bool(said.correction_id) == holds
+
+
+def test_what_was_found_of_an_earlier_life_is_not_applied() -> None:
+    newest = Newest()
+    newest.note(correction(8, 8))
+    assert newest.corrected(here(9)) == here(9)

@@ -8,14 +8,26 @@ import signal
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
+from msgspec import to_builtins
+from msgspec.structs import replace
 
 from crossfix.commands.run import RunOptions
+from examples import external_publisher
 from schemas import keys
-from schemas.messages import Correction, Navigation, SourceInfo, SourceReport
+from schemas.feedback import applied, corrected
+from schemas.messages import (
+    Correction,
+    Feedback,
+    Navigation,
+    Pose,
+    SourceInfo,
+    SourceReport,
+)
 from schemas.recording.reader import open_recording
 from tests.live.live_run import LiveRun
 from tests.live.outsiders import DEADLINE_S, await_line, started
@@ -24,15 +36,16 @@ from tests.whole.recorded import messages
 ROOT = Path(__file__).parents[2]
 SCENARIO = ROOT / "tests" / "live" / "patrol.toml"
 PAGE = (ROOT / "docs" / "publishing.md").read_text(encoding="utf-8")
+FEEDBACK_PAGE = (ROOT / "docs" / "feedback.md").read_text(encoding="utf-8")
 STEPS = 60
 LEAST = 40
 """Steps that a publisher must have taken part in; it may join a moment late."""
 ENDED = "ended: finished"
 
 
-def blocks(language: str) -> list[str]:
-    """Code of the page in a language."""
-    return re.findall(rf"^```{language}\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+def blocks(language: str, page: str = PAGE) -> list[str]:
+    """Code of a page in a language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
 
 
 class Outcome(NamedTuple):
@@ -83,6 +96,48 @@ def test_the_example_imports_nothing_of_ours() -> None:
     text = (ROOT / "examples" / "external_publisher.py").read_text()
     modules = set(re.findall(r"^(?:import|from) (\w+)", text, re.MULTILINE))
     assert modules - set(sys.stdlib_module_names) == {"zenoh", "msgpack"}
+
+
+def on_the_page() -> Callable[..., list[dict[str, Any]]]:
+    """`corrected` as the page on feedback has it."""
+    (code,) = blocks("python", FEEDBACK_PAGE)
+    names: dict[str, Any] = {}
+    exec(code, names)
+    found: Callable[..., list[dict[str, Any]]] = names["corrected"]
+    return found
+
+
+@pytest.mark.parametrize("its", [external_publisher.corrected, on_the_page()])
+def test_what_example_and_page_do_with_a_correction_is_what_we_do(
+    its: Callable[..., list[dict[str, Any]]],
+) -> None:
+    feedback = Feedback(
+        latitude_rad=1e-4, longitude_rad=-2e-4, latitude_rad_s=3e-7, longitude_rad_s=-1e-7,
+        north_rad=-0.02, covariance=[9.0, 1.0, 0.0, 16.0, 0.0, 1e-6],
+    )  # fmt: skip
+    correction = Correction(
+        centre="fusion", seq=7, step=7, t_ns=7 * 10**9, valid_t_ns=7 * 10**9, carrier="b",
+        id="fusion/b/7", state="applied", feedback=feedback,
+    )  # fmt: skip
+    envelope = {"carrier": "b", "boot": "x", "seq": 1, "t_ns": 10 * 10**9}
+    own = Navigation(
+        **envelope, stream="navigation", pose=Pose(latitude_rad=0.6, longitude_rad=-0.1)
+    )
+    seen = SourceReport(**envelope, stream="radar", bearing_rad=[1.0, 2.0], range_m=[5e3, 6e3])
+    held = applied(correction, own, since_ns=0)
+    pose, logs = {"latitude_rad": 0.6, "longitude_rad": -0.1}, {"bearing_rad": [1.0, 2.0]}
+    where, what = its(pose, logs, to_builtins(correction), own.t_ns)
+    ours, turned = corrected(own, held), corrected(seen, held)
+    assert isinstance(ours, Navigation)
+    assert isinstance(turned, SourceReport)
+    assert where["pose"]["latitude_rad"] == pytest.approx(ours.pose.latitude_rad, abs=1e-13)
+    assert where["pose"]["longitude_rad"] == pytest.approx(ours.pose.longitude_rad, abs=1e-13)
+    assert where["pose"]["covariance"] == ours.pose.covariance
+    assert (where["uncorrected"], where["correction_id"]) == (pose, ours.correction_id)
+    assert what["bearing_rad"] == pytest.approx(turned.bearing_rad, abs=1e-13)
+    assert (what["turned_rad"], what["correction_id"]) == (turned.turned_rad, "fusion/b/7")
+    none = to_builtins(replace(correction, feedback=None))
+    assert its(pose, logs, none, own.t_ns) == [{"pose": pose}, logs]
 
 
 @pytest.mark.live

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as changed
 
-from carriers.feedback import applied
 from estimation.frames import Site, rotation_clockwise, target_from_source, yaw_rad
 from fusion_center import pipeline
 from fusion_center.relative_frames import feedback
 from fusion_center.state import Estimate
-from schemas.feedback import corrected, own_navigation
+from schemas.feedback import applied, corrected, own_navigation
 from schemas.messages import Correction, Direction, Input, Navigation, SourceReport
 from tests.fusion_center.scenes import (
     CLOSED_FORM,

@@ -23,7 +23,7 @@ def test_the_example_and_our_carriers_are_clean_live(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     how = ["--run", "patrol", "--connect"]
     with LiveRun(SCENARIO, path, RunOptions(rate="10")) as run:
-        example = ["examples/external_publisher.py", *how, run.endpoint]
+        example = ["examples/external_publisher.py", *how, run.endpoint, "--use-corrections"]
         with started(*example) as process:
             run.await_news("visitor has come")
             command = ["check", *how, run.endpoint, "--seconds", str(SECONDS), "--json"]

@@ -9,18 +9,20 @@ import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from itertools import chain
-from math import isnan
+from math import hypot, isnan, radians
 from pathlib import Path
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
 from crossfix.commands.run import RunOptions
 from crossfix.evaluation import frame_errors
+from crossfix.evaluation.frames import said_errors
 from crossfix.evaluation.recordings import frame_summaries
 from examples import external_publisher as example
 from schemas import keys
-from schemas.messages import Closed, Correction, SourceReport, TruthCarriers
+from schemas.messages import Closed, Correction, Navigation, SourceReport, TruthCarriers
 from schemas.recording.reader import open_recording
 from tests.live.live_run import LiveRun
 from tests.live.outsiders import (
@@ -48,11 +50,9 @@ def visitor(run: LiveRun, *options: str) -> AbstractContextManager[subprocess.Po
     return started("examples/external_publisher.py", *where, *options)
 
 
-def nees_of_visitor(path: Path) -> list[float]:
-    """NEES of the applied corrections against where the example says that it truly is."""
-    with open_recording(path) as recording:
-        scenario = recording.scenario
-    truths = [
+def truths(path: Path) -> list[TruthCarriers]:
+    """Where all carriers truly are, the example, by its own word, among them."""
+    return [
         replace(
             truth,
             carrier=[*truth.carrier, "visitor"],
@@ -64,9 +64,40 @@ def nees_of_visitor(path: Path) -> list[float]:
         )
         for truth in messages(path, keys.TRUTH_CARRIERS, TruthCarriers)
     ]
+
+
+def nees_of_visitor(path: Path) -> list[float]:
+    """NEES of the applied corrections against where the example says that it truly is."""
+    with open_recording(path) as recording:
+        scenario = recording.scenario
     corrections = messages(path, keys.CORRECTION, Correction)
-    errors = frame_errors(scenario, "alpha", [*truths, *corrections])["visitor"]
+    errors = frame_errors(scenario, "alpha", [*truths(path), *corrections])["visitor"]
     return [error.nees for error in errors if error.state == "applied"]
+
+
+def said_by_visitor(path: Path) -> list[float]:
+    """How far off the visitor says to be, wherever it says so with a correction [m]."""
+    with open_recording(path) as recording:
+        scenario = recording.scenario
+    said = messages(path, keys.NAVIGATION, Navigation)
+    return said_errors(scenario, "alpha", [*truths(path), *said])["visitor"]
+
+
+def assert_right_once_corrected(path: Path) -> None:
+    """A visitor that uses its corrections is where it says, and says so as it should."""
+    said = said_by_visitor(path)
+    assert len(said) >= STEPS / 3
+    assert np.sqrt(np.mean(np.square(said))) < hypot(*example.POSITION_ERROR_M) / 20
+    reports = [r for r in messages(path, keys.REPORT, SourceReport) if r.carrier == "visitor"]
+    turned = [r.turned_rad for r in reports if r.correction_id]
+    assert len(turned) >= STEPS / 3
+    own = truths(path)[-1]
+    between = example.NORTH_ERROR_RAD - own.north_error_rad[own.carrier.index("alpha")]
+    assert turned[-1] == pytest.approx(between, abs=radians(0.3))
+    checking = [sys.executable, "-m", "crossfix", "check", "--recording", str(path), "--json"]
+    done = subprocess.run([*checking, "--carrier", "visitor"], capture_output=True, check=False)
+    found = {finding["code"] for finding in json.loads(done.stdout)["findings"]}
+    assert not {code for code in found if code.startswith("correction")}
 
 
 @pytest.mark.parametrize(
@@ -75,6 +106,12 @@ def nees_of_visitor(path: Path) -> list[float]:
         pytest.param(SLOW, ["--answer-steps"], id="answers steps"),
         pytest.param(SLOW, [], id="answers none", marks=pytest.mark.slow),
         pytest.param(RunOptions(rate="20"), [], id="paced", marks=pytest.mark.slow),
+        pytest.param(
+            SLOW,
+            ["--answer-steps", "--use-corrections"],
+            id="uses its corrections",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_the_example_is_recorded_and_gets_a_right_correction(
@@ -100,6 +137,8 @@ def test_the_example_is_recorded_and_gets_a_right_correction(
     nees = nees_of_visitor(path)
     assert len(nees) >= STEPS / 2
     assert max(nees) < NEES_LIMIT
+    if "--use-corrections" in options:
+        assert_right_once_corrected(path)
     with open_recording(path) as recording:
         assert recording.end is not None
         assert recording.end.gaps == 0
@@ -137,7 +176,7 @@ def test_datagrams_of_json_get_a_right_correction_and_rubbish_among_them_is_coun
             for datagram in (line, b"\x00\xffrubbish", b'{"bearing_deg": 1, "range_m": "far"}'):
                 udp.sendto(datagram, ("127.0.0.1", port))
 
-        options = bridge_options(run)
+        options = [*bridge_options(run), "--use-corrections"]
         with started("-m", "crossfix", "bridge", "jsonl", "--udp", address, *options) as bridge:
             await_line(bridge, "takes part")
             with udp, seen(run, tell):
@@ -153,6 +192,7 @@ def test_datagrams_of_json_get_a_right_correction_and_rubbish_among_them_is_coun
     nees = nees_of_visitor(path)
     assert len(nees) >= STEPS / 2
     assert max(nees) < NEES_LIMIT
+    assert_right_once_corrected(path)
     assert outputs(path) == refused(path)
 
 

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
 
 import pytest
+from msgspec.structs import replace
 
 from carriers.bridges.bridge import MAX_SOURCES, Station
 from carriers.bridges.counts import MAX_FIELDS, OTHER, Counts
-from schemas.messages import Navigation, Ranging, SourceInfo, SourceProperties, SourceReport
+from schemas.messages import (
+    Correction,
+    Feedback,
+    Navigation,
+    Ranging,
+    SourceInfo,
+    SourceProperties,
+    SourceReport,
+)
 from tests.carriers.bridges.outlets import NOW_NS, POSE, SECOND, Bench
 
 LOG = {"bearing_deg": 10, "range_m": 500}
@@ -134,3 +144,57 @@ def test_counts_by_field_are_bounded() -> None:
     assert counts.rejected_by["field1"] == 2
     assert counts.counters()["rejected field1"] == 2
     assert counts.rejected == 3 * MAX_FIELDS + 1
+
+
+FEEDBACK = Feedback(
+    latitude_rad=1e-4, longitude_rad=2e-4, north_rad=0.02, covariance=[9.0, 0, 0, 9.0, 0, 1e-6]
+)
+
+
+def correction(step: int, **more: object) -> Correction:
+    fields = {"state": "applied", "valid_t_ns": NOW_NS, "feedback": FEEDBACK} | more
+    return Correction(
+        centre="fusion", seq=step, step=step, t_ns=NOW_NS, carrier="harbour",
+        id=f"fusion/harbour/{step}", **fields,
+    )  # fmt: skip
+
+
+def test_a_bridge_that_uses_its_corrections_says_everything_with_the_newest() -> None:
+    bench = Bench(Station(pose=POSE, use_corrections=True))
+    bench.feed(line(**LOG))
+    bench.bridge.hear(correction(7))
+    bench.now_ns += SECOND
+    bench.feed(line(**LOG))
+    before, after = bench.kept.of(Navigation)
+    assert (before.correction_id, before.uncorrected) == ("", None)
+    assert after.uncorrected == before.pose
+    assert after.pose.latitude_rad == pytest.approx(POSE.latitude_rad + 1e-4, abs=1e-12)
+    plain, turned = bench.kept.of(SourceReport)
+    assert (after.correction_id, turned.correction_id) == ("fusion/harbour/7",) * 2
+    assert turned.bearing_rad is not None
+    assert plain.bearing_rad is not None
+    assert turned.bearing_rad[0] - plain.bearing_rad[0] == pytest.approx(turned.turned_rad)
+    bench.bridge.hear(correction(8, state="suspended", feedback=None))
+    bench.feed(line(**LOG))
+    assert bench.kept.of(SourceReport)[-1].correction_id == ""
+
+
+def test_records_that_hold_a_correction_pass_unless_the_bridge_applies_them() -> None:
+    own = {"latitude_rad": 0.63, "longitude_rad": -0.1}
+    name = "fusion/harbour/7"
+    said = line(topic="navigation", pose=own, uncorrected=own, correction_id=name)
+    turned = line(**LOG, turned_deg=1.5, correction_id=name)
+    passing, applying = Bench(), Bench(Station(pose=POSE, use_corrections=True))
+    assert passing.feed(said + turned) == []
+    assert [r.correction_id for r in passing.kept.of(SourceReport)] == [name]
+    assert passing.kept.of(SourceReport)[0].turned_rad == pytest.approx(math.radians(1.5))
+    assert applying.feed(said + turned) == ["correction_id", "correction_id"]
+
+
+def test_a_covariance_that_cannot_be_turned_costs_its_record_alone() -> None:
+    bench = Bench(Station(pose=POSE, use_corrections=True))
+    bench.bridge.hear(correction(7, feedback=replace(FEEDBACK, north_rad=0.7)))
+    needles = [[k * 1e12, 0.0, 1e-30] for k in range(1, 21)]  # rounding decides, twenty times
+    bad = line(east_m=[1.0] * 20, north_m=[2.0] * 20, covariance_position=needles)
+    assert bench.feed(line(**LOG) + bad + line(**LOG)) == ["covariance"]
+    assert [report.seq for report in bench.kept.of(SourceReport)] == [1, 2]
