@@ -87,10 +87,13 @@ class Launch:
         self.kill()
 
     def start(self, children: Sequence[Child]) -> None:
-        """Start the hub and everything else at once; clients wait for the hub by themselves."""
-        self._children = list(children)
-        hub = [self._hub] if self._own_hub else []
-        for child in [*hub, *self._children]:
+        """Start the hub and everything else at once; clients wait for the hub by themselves.
+
+        More may be started later, beside what runs.
+        """
+        hub = [self._hub] if self._own_hub and not self._children else []
+        self._children += children
+        for child in [*hub, *children]:
             self._start(child)
 
     def watch(self, turn: Callable[[], None]) -> int:

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+DEADLINE_S = 60.0
 
 
 class HubProcess:
@@ -28,7 +29,7 @@ class HubProcess:
     def end(self, number: signal.Signals) -> int:
         """Signal it and wait; the exit code."""
         self.process.send_signal(number)
-        code = self.process.wait(timeout=5)
+        code = self.process.wait(timeout=DEADLINE_S)
         assert self.process.stdout is not None
         self.process.stdout.close()
         return code

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
@@ -48,7 +49,7 @@ def record(path: Path, spoil: Spoil = lambda entry: [entry]) -> list[Entry]:
 def record_torn(path: Path) -> None:
     """The same as a killed recorder leaves it: without an end, in the midst of the last step."""
     whole = path.with_suffix(".whole")
-    entries = list(_entries())
+    entries = _entries()
     writer = RecordingWriter(
         whole,
         RunHeader(run=RUN, scenario="scene", created_ns=stamp(0)),
@@ -61,7 +62,12 @@ def record_torn(path: Path) -> None:
     writer.close(RunEnd(reason="finished"))
 
 
-def _entries() -> Iterable[Entry]:
+@cache
+def _entries() -> tuple[Entry, ...]:
+    return tuple(_fused())
+
+
+def _fused() -> Iterator[Entry]:
     scene = two_ships()
     _, fused = scene.run(STEPS)
     for step, outputs in enumerate(fused, start=1):

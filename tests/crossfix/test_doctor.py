@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 import resource
 import socket
-import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +21,7 @@ from schemas import keys
 from schemas.bus.zenoh_bus import open_bus
 from schemas.errors import BusError, CrossfixError
 from tests.crossfix.conftest import Crossfix
+from tests.promptness import prompt, within
 
 DEAD = "tcp/127.0.0.1:1"
 MAIN = {
@@ -60,10 +61,10 @@ def test_it_starts_a_hub_of_its_own_and_shows_a_line_a_check(
     crossfix: Crossfix, tmp_path: Path
 ) -> None:
     shown = crossfix("doctor", "--recordings", tmp_path)
-    lines = shown.out.splitlines()
     assert shown.code == 0
-    assert any(line.startswith("ok   round trip      p50 ") for line in lines)
-    assert any(line.startswith("ok   rehearsal  ") for line in lines)
+    quick_or_slow = "(ok  |warn)"  # as the machine has it
+    assert re.search(rf"^{quick_or_slow} round trip      p50 ", shown.out, re.MULTILINE)
+    assert re.search(rf"^{quick_or_slow} rehearsal  ", shown.out, re.MULTILINE)
     assert "Error of each carrier's frame" in shown.out
 
 
@@ -287,15 +288,15 @@ def test_a_rehearsal_that_corrects_nothing_is_bad(hub: str, tmp_path: Path) -> N
     assert "no correction was applied" in found.found
 
 
+@prompt
 @pytest.mark.live
 def test_a_rehearsal_that_fails_or_hangs_is_told_and_ended(hub: str, tmp_path: Path) -> None:
-    started_s = time.monotonic()
-    late = rehearsal.rehearse(hub, deadline_s=0.05)
-    assert late.verdict == "bad"
-    assert "not done in 0.05 s" in late.found
     wrong = tmp_path / "wrong.toml"
     wrong.write_text("name = 'wrong'")
-    assert rehearsal.rehearse(hub, wrong).verdict == "bad"
-    assert time.monotonic() - started_s < 15.0
+    with within(15.0):
+        late = rehearsal.rehearse(hub, deadline_s=0.05)
+        assert late.verdict == "bad"
+        assert "not done in 0.05 s" in late.found
+        assert rehearsal.rehearse(hub, wrong).verdict == "bad"
     with open_bus(hub) as bus:
         assert not [token for token in bus.tokens(keys.every_alive("*")) if "doctor-" in token]

@@ -357,11 +357,11 @@ def test_a_run_that_is_to_be_drawn_needs_bokeh_before_it_starts(
 
 
 @pytest.mark.live
-def test_a_run_draws_its_recording_and_says_where(tmp_path: Path) -> None:
+def test_a_run_draws_its_recording_and_says_where(tmp_path: Path, hub: str) -> None:
     output = tmp_path / "run.mcap"
     command = [sys.executable, "-m", "crossfix", "run", str(recordings.SMALL)]
     done = subprocess.run(
-        [*command, "--report", "-o", str(output)],
+        [*command, "--connect", hub, "--report", "-o", str(output)],
         capture_output=True, text=True, timeout=DEADLINE_S, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

@@ -62,12 +62,13 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     (short,) = blocks("python")
     program, path = folder / "publisher.py", folder / "run.mcap"
     program.write_text(short)
-    with LiveRun(SCENARIO, path, RunOptions(rate="10")) as run:
+    with LiveRun(SCENARIO, path, RunOptions(rate="10"), held=True) as run:
         where = ["--run", run.run, "--connect", run.endpoint]
         with (
             started(str(ROOT / "examples" / "external_publisher.py"), *where) as example,
             started(str(program), run.run, run.endpoint) as shorter,
         ):
+            run.begin_with("visitor", "short")
             assert run.await_end() == 0
             programs = {"external_publisher": example, "short": shorter}
             said = {name: p.communicate(timeout=DEADLINE_S)[0] for name, p in programs.items()}

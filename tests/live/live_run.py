@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 import time
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
@@ -18,7 +18,7 @@ from crossfix.commands.run import RunOptions
 from crossfix.launch import Launch, free_endpoint
 from crossfix.running import processes
 from schemas import codec, keys
-from schemas.bus.interface import Inbox, Sample
+from schemas.bus.interface import Inbox, Liveness, Sample
 from schemas.bus.zenoh_bus import open_bus
 from schemas.messages import Health, Step
 from sim_world.scenario import load_scenario
@@ -28,9 +28,20 @@ T = TypeVar("T", bound=msgspec.Struct)
 
 
 class LiveRun:
-    """Launches a scenario; `with` ends whatever still runs."""
+    """Launches a scenario; `with` ends whatever still runs.
 
-    def __init__(self, scenario: Path, output: Path, options: RunOptions | None = None) -> None:
+    Args:
+        held: the last carrier starts only with `begin_with`, and the world waits for it.
+    """
+
+    def __init__(
+        self,
+        scenario: Path,
+        output: Path,
+        options: RunOptions | None = None,
+        *,
+        held: bool = False,
+    ) -> None:
         self.output = output
         self.lines: list[str] = []
         self.declared = load_scenario(scenario).declared
@@ -41,18 +52,19 @@ class LiveRun:
         self._children = processes(
             scenario, self.declared, self.run, output, self.endpoint, options
         )
+        self._held = self._children[-1:] if held else []
         self._inbox: Inbox[Sample] = Inbox()
-        self._heard: deque[Sample] = deque()
-        self._watching: threading.Thread | None = None
+        self._heard: dict[type, deque[Sample]] = defaultdict(deque)
+        self._watching = threading.Thread(target=self._watch, daemon=True)
         self.code: int | None = None
 
     def __enter__(self) -> LiveRun:
-        self.launch.start(self._children)
-        self._bus = open_bus(self.endpoint, 20.0)
+        self.launch.start(self._children[: len(self._children) - len(self._held)])
+        self._bus = open_bus(self.endpoint, DEADLINE_S)
         for topic in (keys.STEP, keys.HEALTH, keys.CLOSED_WORLD):
             self._bus.subscribe(topic.every(self.run), self._inbox)
-        self._watching = threading.Thread(target=self._watch, daemon=True)
-        self._watching.start()
+        if not self._held:
+            self._watching.start()
         return self
 
     def __exit__(
@@ -64,17 +76,27 @@ class LiveRun:
         self._bus.close()
         self.launch.kill()
 
+    def begin_with(self, *guests: str) -> None:
+        """Let a run that was held begin, once carriers of others are here."""
+        here: Inbox[Liveness] = Inbox()
+        self._bus.watch(keys.every_alive(self.run), here)
+        missing, deadline_s = set(guests), time.monotonic() + DEADLINE_S
+        while missing:
+            assert time.monotonic() < deadline_s, f"never came: {missing}; {self.lines[-20:]}"
+            missing -= {keys.parse_alive(token.key)[1] for token in here.take(0.05)}
+        self.launch.start(self._held)
+        self._watching.start()
+
     def await_message(self, kind: type[T], wanted: Callable[[T], bool]) -> T:
-        """The next message of a kind that is as wanted."""
+        """The next message of a kind that is as wanted; those of other kinds are kept."""
         deadline_s = time.monotonic() + DEADLINE_S
         while time.monotonic() < deadline_s:
-            self._heard.extend(self._inbox.take(0.0 if self._heard else 0.05))
-            while self._heard:
-                sample = self._heard.popleft()
-                if keys.parse(sample.key).topic.message is kind:
-                    message = codec.decode(kind, sample.payload)
-                    if wanted(message):
-                        return message
+            while self._heard[kind]:
+                message = codec.decode(kind, self._heard[kind].popleft().payload)
+                if wanted(message):
+                    return message
+            for sample in self._inbox.take(0.05):
+                self._heard[keys.parse(sample.key).topic.message].append(sample)
         raise AssertionError(f"no such {kind.__name__}; {self.lines[-20:]}")
 
     def await_step(self, number: int) -> None:
@@ -101,7 +123,6 @@ class LiveRun:
 
     def await_end(self) -> int:
         """Exit code of the run."""
-        assert self._watching is not None
         self._watching.join(DEADLINE_S)
         assert self.code is not None, f"the run did not end; {self.lines[-20:]}"
         return self.code

@@ -15,6 +15,7 @@ from tests.live.outsiders import started
 
 pytestmark = pytest.mark.live
 SCENARIO = Path(__file__).with_name("patrol.toml")
+LONG = RunOptions(rate="10", overrides=("time.duration_s=3600",))
 SECONDS = 4
 DEADLINE_S = 60
 
@@ -22,7 +23,7 @@ DEADLINE_S = 60
 def test_the_example_and_our_carriers_are_clean_live(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     how = ["--run", "patrol", "--connect"]
-    with LiveRun(SCENARIO, path, RunOptions(rate="10")) as run:
+    with LiveRun(SCENARIO, path, LONG) as run:
         example = ["examples/external_publisher.py", *how, run.endpoint, "--use-corrections"]
         with started(*example) as process:
             run.await_news("visitor has come")
@@ -31,6 +32,7 @@ def test_the_example_and_our_carriers_are_clean_live(tmp_path: Path) -> None:
                 [sys.executable, "-m", "crossfix", *command],
                 capture_output=True, text=True, timeout=DEADLINE_S, check=False,
             )  # fmt: skip
+            run.launch.interrupt()
             assert run.await_end() == 0
             process.wait(DEADLINE_S)
     facts = json.loads(done.stdout)

@@ -16,6 +16,7 @@ from schemas.messages import Closed
 from schemas.recording.follow import follow
 from schemas.recording.reader import open_recording
 from tests.live.live_run import DEADLINE_S, LiveRun
+from tests.promptness import prompt, within
 from tests.whole.recorded import messages, outputs
 from tests.whole.refusing import refused
 
@@ -24,6 +25,8 @@ SCENARIO = Path(__file__).with_name("patrol.toml")
 STEPS = 60
 SLOW = RunOptions(delay=0.1)
 """Steps of a twentieth of a second or so: time enough to make trouble in the middle."""
+LONG = RunOptions(delay=0.1, overrides=("time.duration_s=3600",))
+"""The same without an end of its own."""
 
 
 def closed(path: Path) -> list[Closed]:
@@ -38,16 +41,15 @@ def await_recorded(path: Path, steps: int) -> None:
     assert len(list(islice(fused, steps))) == steps
 
 
+@prompt
 def test_a_carrier_killed_in_mid_run_is_told_at_once_and_the_run_goes_on(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with LiveRun(SCENARIO, path, SLOW) as run:
         run.await_step(10)
         run.signal("bravo", signal.SIGKILL)
-        killed_s = time.monotonic()
-        health = run.await_news("bravo is lost")
-        told_s = time.monotonic() - killed_s
+        with within(0.5):
+            health = run.await_news("bravo is lost")
         code = run.await_end()
-    assert told_s < 0.5
     assert health.lost == ["bravo"]
     assert code == 128 + signal.SIGKILL
     steps = closed(path)
@@ -59,23 +61,22 @@ def test_a_carrier_killed_in_mid_run_is_told_at_once_and_the_run_goes_on(tmp_pat
     assert outputs(path) == refused(path)
 
 
+@prompt
 def test_a_hung_carrier_is_given_up_within_the_lease_and_returns_with_a_new_boot(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "run.mcap"
-    long = RunOptions(delay=0.1, overrides=("time.duration_s=3600",))
-    with LiveRun(SCENARIO, path, long) as run:
+    with LiveRun(SCENARIO, path, LONG) as run:
         run.await_step(10)
         run.signal("bravo", signal.SIGSTOP)
-        stopped_s = time.monotonic()
-        run.await_news("bravo is lost")
-        told_s = time.monotonic() - stopped_s
+        with within(2.0 + 0.5):
+            run.await_news("bravo is lost")
+        run.await_message(Closed, lambda closed: "bravo" in closed.lost)
         run.signal("bravo", signal.SIGCONT)
         back = run.await_message(Closed, lambda c: c.step > 10 and "bravo" in c.joined)
         run.await_step(back.step + 5)
         run.launch.interrupt()
         code = run.await_end()
-    assert told_s < 2.0 + 0.5
     assert code == 0
     boots = {e.boot for c in closed(path) for e in c.manifest if e.carrier == "bravo"}
     assert len(boots) == 2
@@ -110,19 +111,18 @@ def test_the_fusion_centre_killed_ends_the_run_with_its_code_and_a_readable_reco
     assert len(recorded) >= 15
 
 
+@prompt
 def test_an_interrupt_before_the_first_step_waits_for_nobody(tmp_path: Path) -> None:
-    with LiveRun(SCENARIO, tmp_path / "run.mcap", SLOW) as run:
-        started_s = time.monotonic()
+    in_time = within(KILL_S + 3)  # who cannot hear yet is killed
+    with LiveRun(SCENARIO, tmp_path / "run.mcap", SLOW) as run, in_time:
         run.launch.interrupt(begun=False)
         code = run.await_end()
-        took_s = time.monotonic() - started_s
     assert code == 128 + signal.SIGINT
-    assert took_s < KILL_S + 3  # who cannot hear yet is killed
 
 
 def test_one_interrupt_ends_cleanly_with_a_finished_recording(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    with LiveRun(SCENARIO, path, SLOW) as run:
+    with LiveRun(SCENARIO, path, LONG) as run:
         run.await_step(10)
         run.launch.interrupt()
         code = run.await_end()
@@ -130,5 +130,5 @@ def test_one_interrupt_ends_cleanly_with_a_finished_recording(tmp_path: Path) ->
     with open_recording(path) as recording:
         assert recording.end is not None
         assert recording.end.reason == "interrupted"
-    assert 9 <= len(closed(path)) < STEPS  # the step that was granted may still be open
+    assert len(closed(path)) >= 9  # the step that was granted may still be open
     assert outputs(path) == refused(path)

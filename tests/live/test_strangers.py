@@ -118,7 +118,11 @@ def test_the_example_is_recorded_and_gets_a_right_correction(
     how: RunOptions, options: list[str], tmp_path: Path
 ) -> None:
     path = tmp_path / "run.mcap"
-    with LiveRun(SCENARIO, path, how) as run, visitor(run, *options) as process:
+    with (
+        LiveRun(SCENARIO, path, how, held=True) as run,
+        visitor(run, *options) as process,
+    ):
+        run.begin_with("visitor")
         assert run.await_end() == 0
         said, _ = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 0
@@ -168,7 +172,7 @@ def test_datagrams_of_json_get_a_right_correction_and_rubbish_among_them_is_coun
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "run.mcap"
-    with LiveRun(SCENARIO, path, RunOptions(rate="10")) as run, free_port() as port:
+    with LiveRun(SCENARIO, path, RunOptions(rate="10"), held=True) as run, free_port() as port:
         address = f"127.0.0.1:{port}"
         udp = socket.socket(type=socket.SOCK_DGRAM)
 
@@ -180,6 +184,7 @@ def test_datagrams_of_json_get_a_right_correction_and_rubbish_among_them_is_coun
         with started("-m", "crossfix", "bridge", "jsonl", "--udp", address, *options) as bridge:
             await_line(bridge, "takes part")
             with udp, seen(run, tell):
+                run.begin_with("visitor")
                 run.await_step(30)
                 counters = status(run)
                 assert run.await_end() == 0
@@ -199,7 +204,8 @@ def test_datagrams_of_json_get_a_right_correction_and_rubbish_among_them_is_coun
 @pytest.mark.slow
 def test_a_connection_that_dies_in_mid_line_costs_that_line(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    with LiveRun(SCENARIO, path, RunOptions(rate="10")) as run, FaultyServer() as server:
+    paced = RunOptions(rate="10")
+    with LiveRun(SCENARIO, path, paced, held=True) as run, FaultyServer() as server:
         told: list[bytes] = []
 
         def tell(line: bytes) -> None:
@@ -213,6 +219,7 @@ def test_a_connection_that_dies_in_mid_line_costs_that_line(tmp_path: Path) -> N
         with started("-m", "crossfix", "bridge", "jsonl", *where) as bridge:
             await_line(bridge, "takes part")
             with seen(run, tell):
+                run.begin_with("visitor")
                 assert run.await_end() == 0
             said, _ = bridge.communicate(timeout=DEADLINE_S)
     assert len(told) >= STEPS / 2

@@ -42,7 +42,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Place:
 
 @pytest.mark.parametrize("command", RUN)
 def test_every_command_of_the_readme_runs(command: str, place: Place, hub: str) -> None:
-    done = place.run(at(hub, command) if " run " not in command else command)
+    done = place.run(at(hub, command))
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -19,8 +19,9 @@ from schemas.keys import Role
 from schemas.messages import PlayerCommand, PlayerStatus
 from schemas.recording.reader import Recorded, Recording, open_recording
 from tests.crossfix.small_recording import STEPS, record
+from tests.promptness import LateError, prompt
 
-DEADLINE_S = 10.0
+DEADLINE_S = 60.0
 ROLES = (Role.INPUT, Role.OUTPUT)
 
 
@@ -91,6 +92,7 @@ def test_everything_is_played_once_in_its_order(recording: Recording) -> None:
     assert played.ended == "finished"
 
 
+@prompt
 def test_the_pace_is_that_of_the_recording(recording: Recording) -> None:
     times_s: list[float] = []
     playlist = Playlist(recording, Choice(ROLES))
@@ -99,7 +101,9 @@ def test_the_pace_is_that_of_the_recording(recording: Recording) -> None:
     messages = everything(recording)
     for heard_s, message in zip(times_s, messages, strict=True):
         due_s = times_s[0] + (message.log_time_ns - messages[0].log_time_ns) / NS / 50.0
-        assert due_s - 1e-3 <= heard_s < due_s + 0.2  # never early; late as the machine has it
+        assert heard_s >= due_s - 1e-3
+        if heard_s >= due_s + 0.2:
+            raise LateError(f"{heard_s - due_s:.2f} s")
     assert 0 <= played.lateness.median_s <= played.lateness.most_s
 
 

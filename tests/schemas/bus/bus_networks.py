@@ -11,7 +11,7 @@ from schemas.bus.interface import Inbox
 from schemas.bus.zenoh_bus import ZenohBus, open_bus
 
 T = TypeVar("T")
-DEADLINE_S = 5.0
+DEADLINE_S = 60.0
 
 
 def take(inbox: Inbox[T], count: int, deadline_s: float = DEADLINE_S) -> list[T]:

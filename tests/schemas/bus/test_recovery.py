@@ -15,10 +15,11 @@ from schemas.bus.memory_bus import MemoryNetwork
 from schemas.bus.outbox import MAX_RECORDS, Outbox
 from schemas.bus.recovery import Gap, Recovery
 from schemas.messages import BackfillRecord, BackfillReply, BackfillRequest, SourceReport
+from tests.promptness import prompt, within
 
 RUN = "r"
 ALPHA = StreamKey("alpha", "b", "radar")
-DEADLINE_S = 5.0
+DEADLINE_S = 20.0
 
 
 @pytest.fixture
@@ -86,6 +87,7 @@ def test_an_answer_that_is_none_leaves_the_gap_open(network: MemoryNetwork) -> N
     recovery.close()
 
 
+@prompt
 def test_one_silent_owner_holds_up_nobody(network: MemoryNetwork) -> None:
     """Its gap changes all the time, and none of its answers ever comes."""
     release, answered = threading.Event(), threading.Event()
@@ -108,13 +110,13 @@ def test_one_silent_owner_holds_up_nobody(network: MemoryNetwork) -> None:
     while not never.wait(0.01):
         first += 1
         recovery.pursue([(mute, first, first)], time.monotonic())
-    started_s = time.monotonic()
-    pursued(recovery, [(mute, first, first), (ALPHA, 1, 1)], answered)
-    took_s = time.monotonic() - started_s
-    release.set()
-    recovery.close()
+    try:
+        with within(3.5):  # eight questions were under way at most when it fell silent
+            pursued(recovery, [(mute, first, first), (ALPHA, 1, 1)], answered)
+    finally:
+        release.set()
+        recovery.close()
     assert answered.is_set()
-    assert took_s < 3.5  # eight questions were under way at most when it fell silent
 
 
 def test_backfill_gives_what_is_left_of_a_long_gap(network: MemoryNetwork) -> None:
