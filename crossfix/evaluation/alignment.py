@@ -15,7 +15,7 @@ import numpy as np
 from msgspec import Struct
 
 from estimation.frames import Site, target_from_source, wrap_pi
-from fusion_center.navigation import pose_at, site
+from fusion_center.navigation import site
 from schemas.messages import (
     AlignedCarrier,
     Alignment,
@@ -27,7 +27,7 @@ from schemas.messages import (
 from sim_world.scenario import parse_scenario
 from sim_world.scenario.declared import beacon_place_m
 
-from .frames import place_at, symmetric
+from .frames import place_at, reported_at, symmetric
 
 Told = Alignment | TruthCarriers | Navigation
 NAN = float("nan")
@@ -162,15 +162,12 @@ class _Compared(NamedTuple):
 
     def _reported_m(self, told: AlignedCarrier) -> np.ndarray:
         """Where its own navigation puts it (2,); nan before there is any."""
-        messages = self.navigation.get(told.carrier, ())
-        after = bisect_right(messages, told.t_ns, key=_time)
-        if not after:
+        pose = reported_at(self.navigation.get(told.carrier, ()), told.t_ns)
+        if pose is None:
             return np.full(2, NAN)
-        last = messages[max(0, after - 2) : after]
-        pair = last if last[0].boot == last[-1].boot else last[-1:]
         origin = self.scenario.origin
         here = Site(origin.latitude_rad, origin.longitude_rad, origin.altitude_m)
-        place: np.ndarray = target_from_source(here, site(pose_at(pair, told.t_ns))).translation_m
+        place: np.ndarray = target_from_source(here, site(pose)).translation_m
         return place[:2]
 
 

@@ -130,9 +130,9 @@ def said_errors(
     errors: dict[str, list[float]] = defaultdict(list)
     for message in said:
         after = bisect_right(truths, message.t_ns, key=_time)
-        own_after = bisect_right(poses, message.t_ns, key=_said_ns)
-        if after and own_after and message.carrier in truths[after - 1].carrier:
-            pair = pose_at(poses[max(0, own_after - 2) : own_after], message.t_ns), message.pose
+        own_pose = reported_at(poses, message.t_ns)
+        if after and own_pose and message.carrier in truths[after - 1].carrier:
+            pair = own_pose, message.pose
             truth = truths[after - 1]
             true = true_frame(origin, truth, own, message.carrier, pair, message.t_ns)
             seen = target_from_source(_site(pair[0]), _site(pair[1])).translation_m[:2]
@@ -257,11 +257,20 @@ def place_at(truth: TruthCarriers, index: int, t_ns: int) -> np.ndarray:
     )
 
 
-def _time(truth: TruthCarriers) -> int:
-    return truth.t_ns
+def reported_at(navigation: Sequence[Navigation], t_ns: int) -> Pose | None:
+    """Where a carrier believes it is at an instant of its clock; None before its first message.
+
+    Args:
+        navigation: of the carrier, in order of time.
+    """
+    after = bisect_right(navigation, t_ns, key=_time)
+    last = navigation[max(0, after - 2) : after]
+    if not last:
+        return None
+    return pose_at(last if last[0].boot == last[-1].boot else last[-1:], t_ns)
 
 
-def _said_ns(message: Navigation) -> int:
+def _time(message: TruthCarriers | Navigation) -> int:
     return message.t_ns
 
 

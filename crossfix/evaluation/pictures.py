@@ -32,7 +32,7 @@ from schemas.messages import (
     TruthTargets,
 )
 
-from .frames import sensor_norths_rad, symmetric
+from .frames import place_at, reported_at, sensor_norths_rad, symmetric
 
 CUTOFF_M = 500.0
 """GOSPA's c: a track further from all targets is false, a target further from all tracks missed."""
@@ -179,39 +179,33 @@ class Judge:
 
     def _judged(self, picture: Tracks) -> Iterator[PictureError]:
         step = self._step_at(picture.t_ns)
-        navigation = self._reported_at(picture.t_ns)
-        if step not in self._targets or step not in self._carriers or navigation is None:
+        reported = reported_at(self._navigation, picture.t_ns)
+        if step not in self._targets or step not in self._carriers or reported is None:
             return
-        targets = self._targets[step]
-        passed_s = (picture.t_ns - targets.t_ns) * 1e-9
-        carriers = self._carriers[step]
+        targets, carriers = self._targets[step], self._carriers[step]
         if self._own not in carriers.carrier:
             return
-        if carriers.clock_offset_s:  # the picture is of the instant at which the own clock shows it
-            passed_s -= carriers.clock_offset_s[carriers.carrier.index(self._own)]
-        true = self._true_m(targets, carriers, navigation, passed_s)
+        true = self._true_m(targets, carriers, reported, picture.t_ns)
         yield _compared(picture, targets.number, true)
 
     def _step_at(self, t_ns: int) -> int:
         at = bisect_right(self._steps, (t_ns, 2**62)) - 1
         return self._steps[at][1] if at >= 0 else -1
 
-    def _reported_at(self, t_ns: int) -> Pose | None:
-        """The own pose nearest to an instant: its clock may be a little off."""
-        after = bisect_right(self._navigation, t_ns, key=_time)
-        near = self._navigation[max(after - 1, 0) : after + 1]
-        return min(near, key=lambda m: abs(m.t_ns - t_ns)).pose if near else None
-
     def _true_m(
-        self, targets: TruthTargets, carriers: TruthCarriers, reported: Pose, passed_s: float
+        self, targets: TruthTargets, carriers: TruthCarriers, reported: Pose, t_ns: int
     ) -> np.ndarray:
-        """Places (n, 2) of the targets as own sensors would put them without noise."""
-        place = np.array(targets.position_m, dtype=float).reshape(-1, 3)
-        place = place + passed_s * np.array(targets.velocity_mps, dtype=float).reshape(-1, 3)
+        """Places (n, 2) of the targets as own sensors would put them without noise.
+
+        The picture is of the instant at which the own clock shows `t_ns`.
+        """
         index = carriers.carrier.index(self._own)
-        here = np.array(carriers.position_m[index]) + passed_s * np.array(
-            carriers.velocity_mps[index]
-        )
+        clock_s = carriers.clock_offset_s[index] if carriers.clock_offset_s else 0.0
+        passed_s = (t_ns - targets.t_ns) * 1e-9 - clock_s
+        moves = (targets.position_m, targets.velocity_mps, targets.acceleration_mps2)
+        start, velocity, acceleration = (np.array(m, dtype=float).reshape(-1, 3) for m in moves)
+        place = start + passed_s * (velocity + passed_s / 2 * acceleration)
+        here = place_at(carriers, index, t_ns)
         own = site_at(self._origin, here)
         seen = target_from_source(own, self._origin).apply(place)[:, :2]
         seen = seen @ rotation_clockwise(-sensor_norths_rad(carriers)[index]).T
