@@ -30,9 +30,18 @@ GROUP: Tree = {
 }  # fmt: skip
 
 
-def seen(features: list[Tree] | None = None, words: list[Tree] | None = None, **more: Any) -> Scene:
+FEW = 300
+"""Targets of a law that holds for each of them; the group's number is for statistics."""
+
+
+def seen(
+    features: list[Tree] | None = None,
+    words: list[Tree] | None = None,
+    count: int = GROUP["count"],
+    **more: Any,
+) -> Scene:
     keys = {"features": features or [], "words": words or [], **more}
-    return scene(radar=keys, classes=CLASSES, targets=[], target_groups=[GROUP])
+    return scene(radar=keys, classes=CLASSES, targets=[], target_groups=[GROUP | {"count": count}])
 
 
 def lengths(made: Scene) -> tuple[np.ndarray, np.ndarray]:
@@ -59,8 +68,8 @@ def test_the_actual_sigma_may_differ_from_the_declared_one() -> None:
 
 
 def test_the_noise_is_the_same_but_for_its_size() -> None:
-    one, true = lengths(seen([LENGTH]))
-    other, _ = lengths(seen([LENGTH | {"errors": {"sigma": 12.0}}]))
+    one, true = lengths(seen([LENGTH], count=FEW))
+    other, _ = lengths(seen([LENGTH | {"errors": {"sigma": 12.0}}], count=FEW))
     np.testing.assert_allclose(other - true, 3.0 * (one - true), atol=1e-9)
 
 
@@ -115,11 +124,11 @@ def test_classes_are_right_as_often_as_the_truth_says() -> None:
 
 
 def test_features_move_no_other_noise() -> None:
-    plain = seen().observe()
-    rich = seen([LENGTH | {"share": 0.5}], [EMITTER]).observe()
+    plain = seen(count=FEW).observe()
+    rich = seen([LENGTH | {"share": 0.5}], [EMITTER], FEW).observe()
     np.testing.assert_array_equal(plain.bearing_rad, rich.bearing_rad)
-    alone, _ = lengths(seen([LENGTH]))
-    beside, _ = lengths(seen([LENGTH | {"share": 0.5}], [EMITTER]))
+    alone, _ = lengths(seen([LENGTH], count=FEW))
+    beside, _ = lengths(seen([LENGTH | {"share": 0.5}], [EMITTER], FEW))
     kept = np.isfinite(beside)
     np.testing.assert_array_equal(alone[kept], beside[kept])
 
