@@ -58,16 +58,17 @@ class Truth(NamedTuple):
     Attributes:
         places_m: (n, C, 2).
         heading_rad: (C,).
-        log_time_s: (C,).
+        log_time_s: (C,) at time 0; log_drift: (C,) by how much more in every second.
     """
 
     places_m: Array
     heading_rad: Array
     log_time_s: Array
+    log_drift: Array
 
 
-def scene(rng: np.random.Generator) -> tuple[Group, Truth]:
-    """One draw of everything."""
+def scene(rng: np.random.Generator, sigma_log_drift: float = 0.0) -> tuple[Group, Truth]:
+    """One draw of everything; the clocks of the logs drift where a sigma of that is given."""
     heading = SIGMA_HEADING_RAD * rng.standard_normal(CARRIERS)
     heading[OWN] = 0.0  # the gauge: with one beacon, any turn about it changes no measurement
     late = SIGMA_LOG_TIME_S * rng.standard_normal(CARRIERS)
@@ -75,10 +76,11 @@ def scene(rng: np.random.Generator) -> tuple[Group, Truth]:
     paths = tuple(path for path, _, _ in flown)
     places = np.stack([true for _, true, _ in flown], axis=1)
     velocity = np.stack([speed for _, _, speed in flown], axis=1)
-    truth = Truth(places, heading, late)
+    drift = sigma_log_drift * rng.standard_normal(CARRIERS) if sigma_log_drift else np.zeros(3)
+    truth = Truth(places, heading, late, drift)
     group = Group(
         paths=paths,
-        priors=(PRIOR,) * CARRIERS,
+        priors=(PRIOR._replace(log_drift=sigma_log_drift),) * CARRIERS,
         beacons_m=BEACON_M[None],
         sigma_beacons_m=np.zeros((1, 3)),
         targets=TARGETS,
@@ -134,7 +136,8 @@ def _logs(rng: np.random.Generator, truth: Truth, velocity: Array) -> TargetLogs
     )
     closing = targets[epoch, target, 2:] - velocity[epoch, own]
     apart = targets[epoch, target, :2] - truth.places_m[epoch, own]
-    apart = apart - truth.log_time_s[own, None] * closing
+    late_s = truth.log_time_s[own] + truth.log_drift[own] * INTERVAL_S * (epoch + 1)
+    apart = apart - late_s[:, None] * closing
     bearing, distance = polar_from_east_north(apart)
     return target_logs(
         epoch,

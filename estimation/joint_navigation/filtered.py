@@ -19,9 +19,11 @@ from estimation.joint_navigation.members import (
     with_target,
 )
 from estimation.joint_navigation.online import (
+    LOG_DRIFT,
     LOG_TIME,
     Joint,
     Step,
+    aged,
     carried,
     improved,
     moved_targets,
@@ -96,8 +98,8 @@ def _begun(group: Group) -> Joint:
         )
         name = carrier_block(number)
         joint = with_carrier(joint, name, start) if joint else founded(name, start)
-        sigma = np.zeros(4)
-        sigma[LOG_TIME] = prior.log_time_s
+        sigma = np.zeros(5)
+        sigma[LOG_TIME], sigma[LOG_DRIFT] = prior.log_time_s, prior.log_drift
         joint = with_source(joint, source_block(number), sigma)
     if joint is None:
         raise ValueError("need a carrier")
@@ -118,6 +120,8 @@ def _moved(group: Group, joint: Joint, epoch: int) -> tuple[Joint, dict[str, Arr
         for number, path in enumerate(group.paths)
     ]
     joint = carried(joint, steps)
+    sources = [source_block(number) for number in range(group.carriers)]
+    joint = aged(joint, sources, float(group.interval_s[epoch]))
     targets = [name for name in joint.names if name.startswith("target/")]
     passed = dict.fromkeys(targets, float(group.interval_s[epoch]))
     joint = moved_targets(joint, passed, group.agility**2) if passed else joint

@@ -1,8 +1,8 @@
 """What a group of carriers brings to one joint solution: dead reckoning, priors, measurements.
 
 Constants theta are, carrier by carrier, (heading bias; speed scale; current east, north; ranging
-clock offset, drift; log-time offset), then x, y, z of each beacon. At every epoch there are the
-places of all carriers (east, north) and of all targets (east, north, velocity east, north).
+clock offset, drift; log-time offset, drift), then x, y, z of each beacon. At every epoch there are
+the places of all carriers (east, north) and of all targets (east, north, velocity east, north).
 Nodes are numbered: carriers first, then beacons.
 """
 
@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from estimation.arrays import Array, ArrayLike, Indices, broadcast
 from estimation.system_alignment.logs import DeadReckoning
 
-CONSTANTS = 7
-HEADING, SPEED_SCALE, CURRENT, CLOCK, CLOCK_DRIFT, LOG_TIME = 0, 1, slice(2, 4), 4, 5, 6
+CONSTANTS = 8
+HEADING, SPEED_SCALE, CURRENT, CLOCK, CLOCK_DRIFT = 0, 1, slice(2, 4), 4, 5
+LOG_TIME, LOG_DRIFT = 6, 7
 
 
 class CarrierPrior(NamedTuple):
@@ -28,7 +29,8 @@ class CarrierPrior(NamedTuple):
     Attributes:
         start_m: of the reported place, per axis; never quite 0.
         heading_rad: of its north, the same for dead reckoning and for its sensors.
-        log_time_s: by which its target logs are stamped late (the log's time less the true one).
+        log_time_s: by which its target logs are stamped late (the log's time less the true one)
+            at time 0; log_drift: by how much more in every second after that.
     """
 
     start_m: float = 0.0
@@ -38,12 +40,14 @@ class CarrierPrior(NamedTuple):
     clock_m: float = 0.0
     clock_drift_mps: float = 0.0
     log_time_s: float = 0.0
+    log_drift: float = 0.0
 
     @property
     def sigmas(self) -> list[float]:
-        """(7,) of the constants."""
+        """(8,) of the constants."""
         moving = [self.heading_rad, self.speed_scale, self.current_mps, self.current_mps]
-        return [*moving, self.clock_m, self.clock_drift_mps, self.log_time_s]
+        clocks = [self.clock_m, self.clock_drift_mps, self.log_time_s, self.log_drift]
+        return [*moving, *clocks]
 
 
 class Ranging(NamedTuple):
@@ -205,12 +209,12 @@ class Group:
 
     @cached_property
     def mean(self) -> Array:
-        """(7 C + 3 J,) constants before the data."""
+        """(8 C + 3 J,) constants before the data."""
         return np.concatenate([np.zeros(CONSTANTS * self.carriers), self.beacons_m.ravel()])
 
     @cached_property
     def sigma(self) -> Array:
-        """(7 C + 3 J,) of the constants."""
+        """(8 C + 3 J,) of the constants."""
         own = [sigma for prior in self.priors for sigma in prior.sigmas]
         return np.concatenate([own, self.sigma_beacons_m.ravel()])
 

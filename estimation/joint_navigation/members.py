@@ -14,6 +14,7 @@ from estimation.joint_navigation.online import (
     CURRENT,
     GAUGE,
     HEADING,
+    LOG_DRIFT,
     LOG_TIME,
     NOBODY,
     NORTH,
@@ -21,9 +22,11 @@ from estimation.joint_navigation.online import (
     PSEUDO_BIAS,
     RANGE_BIAS,
     RANGE_SCALE,
+    RATE,
     SIZES,
     SPEED_SCALE,
     STAMP,
+    STAMP_DRIFT,
     TIME,
     Joint,
     joined,
@@ -40,7 +43,8 @@ class CarrierStart(NamedTuple):
         place_m: (2,) reported, from the pivot along the axes of the scenario.
         covariance: (3, 3) of reported less true place, and of the bearing of its own north.
         current_mps: sigma per axis of what it moves in; clock_m, clock_drift_mps: of the clock
-            behind its pseudoranges; stamp_s: of the clock that stamps its messages.
+            behind its pseudoranges; stamp_s, stamp_drift: of the clock that stamps its messages,
+            `since_s` ago [s, s/s].
         range_bias_m: of its two-way ranges, pseudo_bias_m: of its pseudoranges.
         turns: its north wanders.
     """
@@ -55,17 +59,23 @@ class CarrierStart(NamedTuple):
     clock_m: float = 0.0
     clock_drift_mps: float = 0.0
     stamp_s: float = 0.0
+    stamp_drift: float = 0.0
+    since_s: float = 0.0
     turns: bool = False
 
     @property
     def own_covariance(self) -> Array:
-        """(12, 12) of true place and north, and of the constants, before any data."""
+        """(13, 13) of true place and north, and of the constants, before any data."""
         sigma = np.zeros(SIZES["carrier"])
         sigma[SPEED_SCALE], sigma[CURRENT] = self.speed_scale, self.current_mps
         sigma[RANGE_SCALE], sigma[RANGE_BIAS] = self.range_scale, self.range_bias_m
         sigma[PSEUDO_BIAS], sigma[STAMP] = self.pseudo_bias_m, self.stamp_s
         sigma[CLOCK], sigma[CLOCK_DRIFT] = self.clock_m, self.clock_drift_mps
+        sigma[STAMP_DRIFT] = self.stamp_drift
         whole = np.diag(sigma**2)
+        gained = self.since_s * self.stamp_drift**2
+        whole[STAMP, STAMP] += self.since_s * gained
+        whole[STAMP, STAMP_DRIFT] = whole[STAMP_DRIFT, STAMP] = gained
         whole[:3, :3] = self.covariance
         whole[:2, 2] = whole[2, :2] = -self.covariance[:2, 2]  # true less reported place
         return whole
@@ -74,45 +84,56 @@ class CarrierStart(NamedTuple):
 def founded(carrier: str, start: CarrierStart) -> Joint:
     """A group of one carrier, whose north and clock are the gauge."""
     own = start.own_covariance
-    gauge = np.diag(own)[[HEADING, STAMP]]
-    alone = joined(NOBODY, GAUGE, np.zeros(2), np.zeros((2, 0)), np.diag(gauge))
-    by_gauge = np.zeros((SIZES["carrier"], 2))
+    gauge = np.array([own[HEADING, HEADING], start.stamp_s**2, start.stamp_drift**2])
+    alone = joined(NOBODY, GAUGE, np.zeros(3), np.zeros((3, 0)), np.diag(gauge))
+    by_gauge = np.zeros((SIZES["carrier"], 3))
     by_gauge[PLACE, NORTH] = -QUARTER_TURN @ start.place_m
     rest = own.copy()
     if gauge[NORTH] > 0:
         tied = own[:2, HEADING]
         by_gauge[PLACE, NORTH] += tied / gauge[NORTH]
         rest[:2, :2] -= np.outer(tied, tied) / gauge[NORTH]
-    rest[[HEADING, STAMP]] = rest[:, [HEADING, STAMP]] = 0.0
+    of_gauge = [HEADING, STAMP, STAMP_DRIFT]
+    rest[of_gauge] = rest[:, of_gauge] = 0.0
     mean = np.zeros(SIZES["carrier"])
     mean[PLACE] = start.place_m
-    return joined(alone, carrier, mean, by_gauge, rest, _wandering(start))
+    return joined(alone, carrier, mean, by_gauge, rest, _wandering(start, clocks_part=False))
 
 
 def with_carrier(joint: Joint, carrier: str, start: CarrierStart) -> Joint:
     """A group that one carrier more has joined, of which nothing but its own word is known."""
-    north, time = joint.mean[NORTH], joint.mean[TIME]
+    north, time, rate = joint.mean[[NORTH, TIME, RATE]]
     back = rotation_clockwise(-north)
     mean = np.zeros(SIZES["carrier"])
-    mean[PLACE], mean[HEADING], mean[STAMP] = back @ start.place_m, -north, -time
+    mean[PLACE], mean[HEADING] = back @ start.place_m, -north
+    mean[STAMP], mean[STAMP_DRIFT] = -time - start.since_s * rate, -rate
     by_gauge = np.zeros((SIZES["carrier"], len(joint.mean)))
     by_gauge[PLACE, NORTH] = -QUARTER_TURN @ mean[PLACE]
-    by_gauge[HEADING, NORTH] = by_gauge[STAMP, TIME] = -1.0
+    by_gauge[HEADING, NORTH] = by_gauge[STAMP, TIME] = by_gauge[STAMP_DRIFT, RATE] = -1.0
+    by_gauge[STAMP, RATE] = -start.since_s
     own = start.own_covariance
     turned = np.eye(SIZES["carrier"])
     turned[:2, :2] = back
-    return joined(joint, carrier, mean, by_gauge, turned @ own @ turned.T, _wandering(start))
+    parting = start.stamp_drift > 0 or joint.of([RATE])[0, 0] > 0
+    wandering = _wandering(start, clocks_part=parting)
+    return joined(joint, carrier, mean, by_gauge, turned @ own @ turned.T, wandering)
 
 
-def _wandering(start: CarrierStart) -> list[int]:
-    """Slots that will be unsure: the walk of dead reckoning, and of a north that wanders."""
-    return [0, 1, HEADING] if start.turns else [0, 1]
+def _wandering(start: CarrierStart, *, clocks_part: bool) -> list[int]:
+    """Slots that will be unsure: the walk of dead reckoning, of a north, of clocks that drift."""
+    whether = {
+        HEADING: start.turns,
+        CLOCK: start.clock_drift_mps > 0,
+        STAMP: clocks_part,
+    }
+    return [0, 1, *(slot for slot, wanders in whether.items() if wanders)]
 
 
 def with_source(joint: Joint, source: str, sigma: Array) -> Joint:
-    """A group with a source of target logs; sigmas (4,) of its systematic errors, in slot order."""
-    nothing = np.zeros((4, len(joint.mean)))
-    return joined(joint, source, np.zeros(4), nothing, np.diag(sigma**2))
+    """A group with a source of target logs; sigmas (5,) of its systematic errors, in slot order."""
+    nothing = np.zeros((5, len(joint.mean)))
+    wandering = [LOG_TIME] if sigma[LOG_DRIFT] > 0 else []
+    return joined(joint, source, np.zeros(5), nothing, np.diag(sigma**2), wandering)
 
 
 def with_beacon(joint: Joint, beacon: str, place_m: Array, sigma_m: Array) -> Joint:

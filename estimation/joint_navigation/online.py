@@ -8,7 +8,8 @@ Ranges and target logs do not change when everything is turned about one known p
 in true axes would feign to learn the turn each time it linearises anew. The state therefore lies in
 axes turned with the north of the carrier that founded the group, about a pivot: p' = R(-n)(p - c).
 There the unobservable turn is one slot, the gauge's north n, which only what knows true axes
-(further beacons, fixes) touches. Stamps are likewise counted from the founder's clock.
+(further beacons, fixes) touches. Stamps and their drifts are likewise counted from the founder's
+clock.
 """
 
 from __future__ import annotations
@@ -25,14 +26,16 @@ from estimation.frames import rotation_clockwise
 from estimation.system_alignment.losses import huber, tapered
 
 GAUGE = "gauge"
-SIZES = {GAUGE: 2, "carrier": 12, "source": 4, "beacon": 3, "target": 4}
-NORTH, TIME = 0, 1
-"""Slots of the gauge: bearing of the founder's north; its clock less true time."""
+SIZES = {GAUGE: 3, "carrier": 13, "source": 5, "beacon": 3, "target": 4}
+NORTH, TIME, RATE = 0, 1, 2
+"""Slots of the gauge: bearing of the founder's north; its clock less true time when clocks were as
+sure as is stated, and by how much more in every second after that."""
 PLACE, HEADING, SPEED_SCALE, CURRENT = slice(0, 2), 2, 3, slice(4, 6)
-RANGE_SCALE, RANGE_BIAS, PSEUDO_BIAS, CLOCK, CLOCK_DRIFT, STAMP = 6, 7, 8, 9, 10, 11
-"""Slots of a carrier; heading and stamp are counted from the gauge's."""
-LOG_BIAS, LOG_SCALE, LOG_AZIMUTH, LOG_TIME = 0, 1, 2, 3
-"""Slots of a source: what its ranges and bearings show too much, how late it stamps its logs."""
+RANGE_SCALE, RANGE_BIAS, PSEUDO_BIAS, CLOCK, CLOCK_DRIFT, STAMP, STAMP_DRIFT = range(6, 13)
+"""Slots of a carrier; heading, stamp and its drift are counted from the gauge's."""
+LOG_BIAS, LOG_SCALE, LOG_AZIMUTH, LOG_TIME, LOG_DRIFT = range(5)
+"""Slots of a source: what its ranges and bearings show too much, how late it stamps its logs now,
+and how fast that grows."""
 
 _QUARTER_TURN = rotation_clockwise(np.pi / 2)
 _HOPELESS = 8.0  # sigmas of the prediction: what is so far off is not used at all
@@ -298,34 +301,35 @@ def carried(joint: Joint, steps: Sequence[tuple[str, Step]]) -> Joint:
     """A group after the dead reckoning of some carriers."""
     size, count = SIZES["carrier"], len(steps)
     mean = joint.mean.copy()
-    by, noise = np.zeros((4 * count, size * count)), np.zeros((4 * count, 4 * count))
+    by, noise = np.zeros((5 * count, size * count)), np.zeros((5 * count, 5 * count))
     out: list[int] = []
     into: list[int] = []
     for i, (carrier, step) in enumerate(steps):
         first = joint.first(carrier)
         own = mean[first : first + size]
-        there = slice(4 * i, 4 * i + 4)
+        there = slice(5 * i, 5 * i + 5)
         by[there, size * i : size * i + size], noise[there, there], moved = _step(own, step)
-        out += [first, first + 1, first + HEADING, first + CLOCK]
+        out += [first, first + 1, *(first + slot for slot in (HEADING, CLOCK, STAMP))]
         into += range(first, first + size)
         mean[first : first + 2] += moved
         mean[first + CLOCK] += step.seconds * own[CLOCK_DRIFT]
+        mean[first + STAMP] += step.seconds * own[STAMP_DRIFT]
     return transformed(joint, mean, out, into, by, noise)
 
 
 def _step(own: Array, step: Step) -> tuple[Array, Array, Array]:
-    """Derivatives (4, 12) of place, heading and clock after a step, noise (4, 4), way (2,)."""
+    """Derivatives (5, 13) of place, heading and clocks after a step, noise (5, 5), way (2,)."""
     turn = rotation_clockwise(own[HEADING])
     turned, dt = turn @ step.travel_m, step.seconds
     travel = (1 + own[SPEED_SCALE]) * turned
-    by = np.zeros((4, len(own)))
+    by = np.zeros((5, len(own)))
     by[:2, PLACE] = np.eye(2)
     by[:2, HEADING] = _QUARTER_TURN @ travel
     by[:2, SPEED_SCALE] = turned
     by[:2, CURRENT] = dt * np.eye(2)
-    by[2, HEADING] = by[3, CLOCK] = 1.0
-    by[3, CLOCK_DRIFT] = dt
-    noise = np.zeros((4, 4))
+    by[2, HEADING] = by[3, CLOCK] = by[4, STAMP] = 1.0
+    by[3, CLOCK_DRIFT] = by[4, STAMP_DRIFT] = dt
+    noise = np.zeros((5, 5))
     noise[:2, :2] = turn @ step.covariance @ turn.T
     noise[2, 2] = step.sigma_turn_rad**2
     return by, noise, travel + dt * own[CURRENT]
@@ -338,6 +342,16 @@ def velocity_mps(joint: Joint, carrier: str, reckoned_mps: Array) -> Array:
     turned = rotation_clockwise(own[HEADING]) @ reckoned_mps
     over: Array = (1 + own[SPEED_SCALE]) * turned + own[CURRENT]
     return over
+
+
+def aged(joint: Joint, sources: Sequence[str], seconds: float) -> Joint:
+    """A group after the clocks of some sources have run on."""
+    late = [joint.first(source) + LOG_TIME for source in sources]
+    drift = [joint.first(source) + LOG_DRIFT for source in sources]
+    mean, eye = joint.mean.copy(), np.eye(len(late))
+    mean[late] += seconds * mean[drift]
+    by = np.hstack([eye, seconds * eye])
+    return transformed(joint, mean, late, [*late, *drift], by, np.zeros_like(eye))
 
 
 def moved_targets(joint: Joint, seconds: Mapping[str, float], noise_m2ps3: float) -> Joint:

@@ -1,8 +1,8 @@
 """The factors of a group as whitened rows: steps of carriers and targets, and all measurements.
 
-A target log stamped t was taken at t - tau, tau its carrier's log-time offset: carrier and target
-are carried there by their velocities. What tau multiplies is not differentiated again by heading,
-scale and current: half a second of a knot is a foot.
+A target log stamped t was taken at t - tau, tau its carrier's log-time offset, which may grow:
+carrier and target are carried there by their velocities. What tau multiplies is not differentiated
+again by heading, scale and current: half a second of a knot is a foot.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from estimation.joint_navigation.group import (
     CONSTANTS,
     CURRENT,
     HEADING,
+    LOG_DRIFT,
     LOG_TIME,
     SPEED_SCALE,
     Group,
@@ -36,7 +37,7 @@ class Point(NamedTuple):
 
     Attributes:
         x: (n, 2 C + 4 M).
-        theta: (7 C + 3 J,) all constants.
+        theta: (8 C + 3 J,) all constants.
     """
 
     x: Array
@@ -137,7 +138,8 @@ class Factors:
         logs, group = self.group.logs, self.group
         first = 2 * group.carriers + 4 * logs.target
         target = np.stack([at.x[logs.epoch, first + i] for i in range(4)], axis=1)
-        late = at.theta[CONSTANTS * logs.carrier + LOG_TIME]
+        late, drift = (at.theta[CONSTANTS * logs.carrier + i] for i in (LOG_TIME, LOG_DRIFT))
+        late = late + drift * group.time_s[logs.epoch]
         closing = target[:, 2:] - self._velocities(at)[logs.epoch, logs.carrier]
         apart = np.zeros((len(late), 3))
         own = self._places(at, logs.carrier, logs.epoch)
@@ -164,7 +166,9 @@ class Factors:
         for axis in range(2):
             rows.by_epoch[rows.index, first + axis] += gradient[:, axis]
             rows.by_epoch[rows.index, first + 2 + axis] -= late * gradient[:, axis]
-        rows.add_constant(logs.carrier, LOG_TIME, -np.sum(gradient[:, :2] * closing, axis=1))
+        by_late = -np.sum(gradient[:, :2] * closing, axis=1)
+        rows.add_constant(logs.carrier, LOG_TIME, by_late)
+        rows.add_constant(logs.carrier, LOG_DRIFT, by_late * self.group.time_s[logs.epoch])
         return rows
 
     def azimuths(self, at: Point) -> tuple[Observed, float]:
@@ -222,7 +226,7 @@ class Factors:
         return travel
 
     def _travel_by_theta(self, at: Point, carrier: int) -> Array:
-        """(n, 2, 7 C + 3 J) minus its derivatives."""
+        """(n, 2, 8 C + 3 J) minus its derivatives."""
         path, first = self.group.paths[carrier], CONSTANTS * carrier
         own = at.theta[first:]
         turned = path.travel_m @ rotation_clockwise(own[HEADING]).T

@@ -32,10 +32,10 @@ class Solved(NamedTuple):
 
     Attributes:
         carriers_m: (n, C, 2) places at the epochs.
-        constants: (C, 7) of the carriers.
+        constants: (C, 8) of the carriers.
         beacons_m: (J, 3).
         targets: (n, M, 4) east, north, velocity east, north.
-        covariance: (7 C + 3 J, 7 C + 3 J) of the constants; zeros where known.
+        covariance: (8 C + 3 J, 8 C + 3 J) of the constants; zeros where known.
         cost: at the minimum.
         status: solved or not converged.
         undetermined: constants left at .9 or more of their prior sigma, in words.
@@ -190,6 +190,7 @@ def _names(group: Group) -> list[str]:
         "clock offset",
         "clock drift",
         "log time",
+        "log drift",
     )
     carriers = [f"{what} of carrier {c + 1}" for c in range(group.carriers) for what in own]
     beacons = [f"{axis} of beacon {j + 1}" for j in range(len(group.beacons_m)) for axis in "xyz"]

@@ -20,7 +20,7 @@ from estimation.joint_navigation.members import (
 from estimation.joint_navigation.online import NORTH, Joint, without
 from schemas.messages import DeclaredBeacon, DeclaredCarrier, SourceProperties
 
-from ..navigation import frame_covariance, pose_at
+from ..navigation import NS, frame_covariance, pose_at
 from ..state import Group, Member, State
 from .axes import BEACON, CARRIER, SOURCE, is_heard, origin, whereabouts
 
@@ -169,6 +169,7 @@ def with_source_of(group: Group, source: str, properties: SourceProperties) -> G
             properties.sigma_range_scale,
             properties.sigma_azimuth_bias_rad,
             properties.sigma_clock_s,
+            0.0,  # it drifts as the clock of its carrier does
         ]
     )
     return with_joint(group, with_source(joint_of(group), source, sigma))
@@ -198,6 +199,8 @@ def _start(state: State, carrier: str, t_ns: int, place_m: Array) -> CarrierStar
         clock_m=max((device.sigma_clock_m for device in clocks), default=0.0),
         clock_drift_mps=max((device.sigma_clock_drift_mps for device in clocks), default=0.0),
         stamp_s=declared.sigma_clock_s,
+        stamp_drift=declared.sigma_clock_drift,
+        since_s=(t_ns - state.scenario.epoch_ns) * NS,
         turns=declared.sigma_north_drift_rad_per_sqrt_s > 0,
     )
 

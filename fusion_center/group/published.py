@@ -22,6 +22,7 @@ from estimation.joint_navigation.online import (
     RANGE_SCALE,
     SPEED_SCALE,
     STAMP,
+    STAMP_DRIFT,
     Joint,
 )
 from estimation.relative_frame.observability import status
@@ -240,10 +241,12 @@ def _carrier(state: State, group: Group, name: str) -> AlignedCarrier:
     theta, covariance = _constants(state, group, name)
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     place, unsure = _place(group, joint, joint.first(CARRIER + name))
-    late = _Linear(joint, 1)
-    late.add(0, joint.first(CARRIER + name) + STAMP)
-    if state.own in group.members:
-        late.add(0, joint.first(CARRIER + state.own) + STAMP, -1.0)
+    late = _Linear(joint, 2)
+    for row, slot in enumerate((STAMP, STAMP_DRIFT)):
+        late.add(row, joint.first(CARRIER + name) + slot)
+        if state.own in group.members:
+            late.add(row, joint.first(CARRIER + state.own) + slot, -1.0)
+    late_sigma = np.sqrt(np.maximum(np.diag(late.covariance), 0.0))
     return AlignedCarrier(
         carrier=name,
         status=status(member.ratio),
@@ -265,7 +268,9 @@ def _carrier(state: State, group: Group, name: str) -> AlignedCarrier:
         ranges=member.ranges,
         unobservable=list(member.hidden),
         stamp_s=float(late.value[0]),
-        sigma_stamp_s=float(np.sqrt(max(late.covariance[0, 0], 0.0))),
+        sigma_stamp_s=float(late_sigma[0]),
+        stamp_drift=float(late.value[1]),
+        sigma_stamp_drift=float(late_sigma[1]),
         logs=member.logs,
         terms=list(terms(state, name)),
     )

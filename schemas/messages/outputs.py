@@ -303,7 +303,8 @@ class AlignedCarrier(Struct, frozen=True, kw_only=True, omit_defaults=True):
         range_bias_m: what its ranges read too long, the clock behind pseudoranges included, at the
             first message; it grows by `clock_drift_mps`.
         ranges: that have been used.
-        stamp_s: by which its clock stamps messages later than that of the own carrier.
+        stamp_s: by which its clock stamps messages later than that of the own carrier; stamp_drift:
+            by how much more in every second.
         logs: of targets that have been used.
         terms: systematic errors of its sources, `time_s` against the own carrier's clock.
         unobservable: combinations of constants, beacons' included, that the ranges leave as they
@@ -331,6 +332,8 @@ class AlignedCarrier(Struct, frozen=True, kw_only=True, omit_defaults=True):
     unobservable: list[Text] = []
     stamp_s: Real = 0.0
     sigma_stamp_s: Real = 0.0
+    stamp_drift: Real = 0.0
+    sigma_stamp_drift: Real = 0.0
     logs: Count = 0
     terms: list[SourceTerm] = []
 

@@ -45,7 +45,8 @@ class DeclaredCarrier(Struct, frozen=True, kw_only=True):
     Attributes:
         sigma_position_m: prior sigma per axis of its reported position.
         sigma_north_rad: prior sigma of its north.
-        sigma_clock_s: prior sigma of its clock.
+        sigma_clock_s: prior sigma of its clock at the epoch; sigma_clock_drift: of what it gains in
+            every second after that.
         sigma_north_drift_rad_per_sqrt_s: how its north wanders, as a random walk.
         sigma_speed_mps, sigma_current_mps: prior sigmas of the constant errors of its dead
             reckoning: of the log, and of the current per axis.
@@ -59,6 +60,7 @@ class DeclaredCarrier(Struct, frozen=True, kw_only=True):
     sigma_position_m: Range
     sigma_north_rad: Angle
     sigma_clock_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
+    sigma_clock_drift: Range = 0.0
     sigma_north_drift_rad_per_sqrt_s: Range = 0.0
     sigma_speed_mps: Range = 0.0
     sigma_current_mps: Range = 0.0

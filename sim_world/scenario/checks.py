@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
-from math import atan2, cos, radians
+from math import atan2, cos, hypot, radians
 from typing import Any, NamedTuple
 
 from schemas.errors import ScenarioError
 from schemas.keys import RESERVED_PROCESSES, RESERVED_STREAMS
 
 from .declared import CLASS_FEATURE
-from .file import EARLIEST, Carrier, ScenarioFile, Sensor, TargetGroup
+from .file import EARLIEST, Carrier, NavigationPrior, ScenarioFile, Sensor, TargetGroup
 from .motions import AnyMotion, ConstantAcceleration, CoordinatedTurn, TrackFile, Waypoints
 from .ranging import Ranging
 from .validation import key_of, nearest
@@ -105,15 +105,24 @@ def _unique(path: Path, names: list[str], key: str = "name") -> Iterator[Problem
             yield Problem((*path, n, key), "given twice", name, "a name of its own")
 
 
+def _clock(file: ScenarioFile, navigation: NavigationPrior, path: Path) -> Iterator[Problem]:
+    """A clock that no message is late by, at the start and at the end."""
+    limit = file.time.max_clock_error_s
+    expected = f"<= {limit / 3:g}, a third of time.max_clock_error_s, or its messages are late"
+    start = navigation.sigma_clock_s
+    if 3 * start > limit:
+        yield Problem((*path, "sigma_clock_s"), "too large", start, expected)
+    end = hypot(start, navigation.sigma_clock_drift_ppm * 1e-6 * file.time.duration_s)
+    if 3 * start <= limit < 3 * end:
+        gained = f"{end:.3g} s at the end of the run"
+        yield Problem((*path, "sigma_clock_drift_ppm"), "too large", gained, expected)
+
+
 def _carrier(file: ScenarioFile, carrier: Carrier, path: Path) -> Iterator[Problem]:
     yield from _reserved(carrier.name, RESERVED_PROCESSES, path)
     yield from _unique((*path, "sensors"), [s.name for s in carrier.sensors])
     yield from _way(carrier.motion, (*path, "motion"))
-    sigma, limit = carrier.navigation.sigma_clock_s, file.time.max_clock_error_s
-    if 3 * sigma > limit:
-        key = (*path, "navigation", "sigma_clock_s")
-        expected = f"<= {limit / 3:g}, a third of time.max_clock_error_s, or its messages are late"
-        yield Problem(key, "too large", sigma, expected)
+    yield from _clock(file, carrier.navigation, (*path, "navigation"))
     for n, sensor in enumerate(carrier.sensors):
         inner = (*path, "sensors", n)
         yield from _reserved(sensor.name, RESERVED_STREAMS, inner)

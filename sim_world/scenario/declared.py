@@ -64,6 +64,7 @@ def _carrier(file: ScenarioFile, carrier: Carrier) -> DeclaredCarrier:
         sigma_position_m=prior.sigma_position_m,
         sigma_north_rad=radians(prior.sigma_north_deg),
         sigma_clock_s=prior.sigma_clock_s,
+        sigma_clock_drift=prior.sigma_clock_drift_ppm * 1e-6,
         sigma_north_drift_rad_per_sqrt_s=radians(prior.sigma_north_drift_deg_per_sqrt_h) / 60,
         sigma_speed_mps=prior.sigma_speed_mps,
         sigma_current_mps=prior.sigma_current_mps,

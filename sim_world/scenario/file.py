@@ -80,7 +80,8 @@ class NavigationPrior(Table, frozen=True, kw_only=True):
         sigma_current_mps: of the unknown current, per axis, constant over a run.
         sigma_log_noise_mps, sigma_compass_noise_deg: of what log and compass show, anew at every
             step.
-        sigma_clock_s: of its clock at the start, which then gains `sigma_clock_drift_ppm`.
+        sigma_clock_s: of its clock at the start, which then gains `sigma_clock_drift_ppm`, constant
+            over a run.
     """
 
     sigma_position_m: NonNegative = 0.0

@@ -189,6 +189,10 @@ CONTRADICTIONS: dict[str, tuple[dict[str, Any], str]] = {
         {"carriers.own.navigation.sigma_clock_s": 0.5},
         "carriers.own.navigation.sigma_clock_s",
     ),
+    "a clock that drifts past all bounds": (
+        {"carriers.own.navigation.sigma_clock_drift_ppm": 1e5},
+        "carriers.own.navigation.sigma_clock_drift_ppm",
+    ),
     "corrections to itself": (
         {"carriers.other.use_corrections": True},
         "carriers.other.use_corrections",

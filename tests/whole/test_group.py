@@ -68,6 +68,25 @@ def test_the_scenario_of_the_one_system_is_solved_by_the_pipeline(whole: Played)
         assert all(direction.status == "determined" for direction in correction.directions)
 
 
+DRIFTING = {f"carriers.{n}.navigation.sigma_clock_drift_ppm": 500 for n in ("one", "two", "three")}
+"""So bad that minutes show it."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [21, 22, 23])
+def test_clocks_that_drift_are_followed(seed: int) -> None:
+    last = run(with_seed(seed, **DRIFTING), 240)
+    assert is_honest(errors(last))
+    told = next(out.message for out in last.outputs if isinstance(out.message, Alignment))
+    own, truth = last.carriers.carrier.index("one"), last.carriers
+    for carrier in told.carriers:
+        at = truth.carrier.index(carrier.carrier)
+        late_s = truth.clock_offset_s[at] - truth.clock_offset_s[own]
+        assert abs(carrier.stamp_s - late_s) <= 4 * carrier.sigma_stamp_s
+        if at != own:
+            assert 0 < carrier.sigma_stamp_drift < 4e-4  # 7.1e-4 before the data
+
+
 def test_what_is_told_passes_the_wire_and_says_what_it_rests_on(whole: Played) -> None:
     told = next(out.message for out in whole.outputs if isinstance(out.message, Alignment))
     assert codec.decode(Alignment, codec.encode(told)) == told

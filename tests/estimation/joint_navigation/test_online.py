@@ -23,11 +23,16 @@ from estimation.joint_navigation.members import (
 )
 from estimation.joint_navigation.online import (
     CLOCK,
+    CLOCK_DRIFT,
     CURRENT,
     GAUGE,
     HEADING,
     LOG_TIME,
     NORTH,
+    RATE,
+    STAMP,
+    STAMP_DRIFT,
+    TIME,
     Improved,
     Joint,
     Step,
@@ -61,7 +66,7 @@ def start(place_m: Array, covariance: Array = SIGMA) -> CarrierStart:
 
 def two_carriers() -> Joint:
     joint = with_carrier(founded(ONE, start(PLACES[ONE])), TWO, start(PLACES[TWO]))
-    return with_source(joint, RADAR, np.array([20.0, 1e-3, 1e-3, 0.1]))
+    return with_source(joint, RADAR, np.array([20.0, 1e-3, 1e-3, 0.1, 0.0]))
 
 
 def sighting(carrier: str = TWO, seen_m: tuple[float, float] = (9000.0, 2000.0)) -> Sighting:
@@ -112,7 +117,7 @@ def test_derivatives_are_those_of_what_is_predicted() -> None:
     joint = with_beacon(two_carriers(), "beacon/buoy", np.array([500.0, 800.0, 60.0]), np.ones(3))
     joint = with_target(joint, sighting(), 300.0)
     rng = np.random.default_rng(3)
-    mean = joint.mean + rng.normal(0, 1e-2, len(joint.mean))
+    mean = joint.mean + rng.normal(0, 5e-3, len(joint.mean))
     mean[joint.first(TARGET) + 2 : joint.first(TARGET) + 4] = [150.0, -80.0]
     ranges = [*ranges_of(), Range(ONE, "beacon/buoy", "two_way", 3000.0, 5.0)]
     heights = {ONE: 300.0, TWO: -40.0}
@@ -135,7 +140,7 @@ def turned_by(angle: float) -> tuple[Joint, Improved]:
     turn = rotation_clockwise(angle)
     joint = founded(ONE, start(turn @ PLACES[ONE]))
     joint = with_carrier(joint, TWO, start(turn @ PLACES[TWO]))
-    joint = with_source(joint, RADAR, np.array([20.0, 1e-3, 1e-3, 0.1]))
+    joint = with_source(joint, RADAR, np.array([20.0, 1e-3, 1e-3, 0.1, 0.0]))
     speeds = {name: turn @ speed for name, speed in SPEEDS.items()}
     there = THERE._replace(velocity_mps=speeds)
     log = sighting()
@@ -264,3 +269,54 @@ def test_a_log_is_late_by_both_clocks() -> None:
     mean[at + 11], mean[source + LOG_TIME] = 0.3, 0.2
     mean[first] += 100.0
     assert log_rows(joint, [log])(mean).residual == pytest.approx(still, abs=1e-6)
+
+
+# clocks that drift
+
+CLOCKED = start(PLACES[TWO])._replace(stamp_drift=2e-5)
+
+
+def gone_on(joint: Joint, seconds: float, *carriers: str) -> Joint:
+    step = Step(seconds, np.zeros(2), np.zeros((2, 2)))
+    return carried(joint, [(name, step) for name in carriers])
+
+
+def clocks_of(joint: Joint) -> tuple[Array, Array]:
+    """Of the gauge and of the second carrier: time and rate, stamp and drift."""
+    first = joint.first(TWO)
+    slots = [TIME, RATE, first + STAMP, first + STAMP_DRIFT]
+    return joint.mean[slots], joint.of(slots)
+
+
+@pytest.mark.parametrize("founder_drift", [0.0, 1e-5])
+def test_a_clock_is_as_sure_whether_its_carrier_joins_early_or_late(founder_drift: float) -> None:
+    joint = founded(ONE, start(PLACES[ONE])._replace(stamp_drift=founder_drift))
+    early = gone_on(with_carrier(joint, TWO, CLOCKED), 1800.0, ONE, TWO)
+    late = with_carrier(gone_on(joint, 1800.0, ONE), TWO, CLOCKED._replace(since_s=1800.0))
+    for one, other in zip(clocks_of(early), clocks_of(late), strict=True):
+        assert one == pytest.approx(other, rel=1e-12, abs=1e-18)
+    parted = np.hypot(2e-5, founder_drift) * 1800
+    assert clocks_of(early)[1][2, 2] == pytest.approx(0.5**2 + 0.5**2 + parted**2)
+
+
+def test_what_is_known_of_the_founders_clock_is_known_of_those_who_join() -> None:
+    """Its stamp is counted from the founder's, whatever has been learned of that."""
+    founder = start(PLACES[ONE])._replace(stamp_drift=1e-5)
+    joint = with_carrier(founded(ONE, founder), TWO, CLOCKED)
+    joint = joint._replace(mean=joint.mean.copy())
+    joint.mean[[TIME, RATE]] = 0.2, 3e-5
+    third = with_carrier(joint, "carrier/three", CLOCKED._replace(since_s=600.0))
+    at = third.first("carrier/three")
+    assert third.mean[at + STAMP] == pytest.approx(-0.2 - 600 * 3e-5)
+    assert third.mean[at + STAMP_DRIFT] == pytest.approx(-3e-5)
+
+
+@pytest.mark.parametrize("which", [(CLOCK, CLOCK_DRIFT), (STAMP, STAMP_DRIFT)])
+def test_a_clock_that_is_right_at_first_does_not_stay_so(which: tuple[int, int]) -> None:
+    right = CarrierStart(PLACES[TWO], SIGMA, clock_drift_mps=0.1, stamp_drift=2e-5)
+    joint = with_carrier(founded(ONE, start(PLACES[ONE])._replace(stamp_s=0.0)), TWO, right)
+    after = gone_on(joint, 100.0, ONE, TWO)
+    first = after.first(TWO)
+    now, drift = (np.sqrt(after.of([first + slot])[0, 0]) for slot in which)
+    assert now == pytest.approx(100 * drift)
+    assert drift > 0

@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 
 from bench.navigation import together
 from bench.navigation.together import OWN, Truth, scene
-from estimation.consistency import rms
+from estimation.consistency import nees, rms
 from estimation.frames import rotation_clockwise
 from estimation.joint_navigation import (
     CLOCK,
     CLOCK_DRIFT,
     HEADING,
+    LOG_DRIFT,
     CarrierPrior,
     Group,
     anchored,
@@ -29,6 +30,8 @@ from estimation.joint_navigation import (
     target_logs,
     with_north_of,
 )
+from estimation.joint_navigation.filtered import filtered, source_block
+from estimation.joint_navigation.online import LOG_DRIFT as SOURCE_DRIFT
 from estimation.joint_navigation.rows import Factors
 from estimation.system_alignment import PLAIN, dead_reckoning
 from estimation.system_alignment.losses import squares
@@ -53,7 +56,7 @@ def small(seed: int = 0, epochs: int = 12) -> Group:
         dead_reckoning(5.0, 40.0, heading + c, 0.4, 0.005, start_m=(3e3 * c, 500.0))
         for c in range(2)
     )
-    prior = CarrierPrior(100.0, 0.02, 0.02, 0.5, 50.0, 0.1, 0.5)
+    prior = CarrierPrior(100.0, 0.02, 0.02, 0.5, 50.0, 0.1, 0.5, 0.01)
     return Group(
         paths=paths,
         priors=(prior, prior),
@@ -81,9 +84,9 @@ def test_rows_are_derivatives() -> None:
     rng = np.random.default_rng(1)
     x = 1e3 * rng.standard_normal((12, group.block))
     free = group.mean[group.free] + 0.01 * rng.standard_normal(len(group.free))
-    free[[6, 13]] = 0.0  # what a late log is late by multiplies velocities that are not bent again
+    free[[6, 7, 14, 15]] = 0.0  # what a log is late by multiplies velocities not bent again
     at = factors(x, free)
-    step = 1e-4
+    step = 1e-6
     for index in range(len(free)):
         moved = free.copy()
         moved[index] += step
@@ -139,6 +142,31 @@ def test_a_ranging_clock_is_found() -> None:
     assert abs(found.constants[0, CLOCK_DRIFT] - 0.08) < 3 * sigma[constant(0, CLOCK_DRIFT)]
     assert sigma[constant(0, CLOCK)] < 25
     assert "clock offset of carrier 2" in found.undetermined
+
+
+DRIFT = 1e-3
+"""Sigma of a clock that is so bad that five minutes show it: .3 s at the end."""
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_clock_of_the_logs_that_drifts_is_found_by_solution_and_filter(seed: int) -> None:
+    group, truth = scene(np.random.default_rng([seed, 41]), DRIFT)
+    found, (*_, last) = solve(group), filtered(group)
+    which = [constant(c, LOG_DRIFT) for c in range(group.carriers)]
+    slots = [last.first(source_block(c)) + SOURCE_DRIFT for c in range(group.carriers)]
+    covariance = found.covariance[np.ix_(which, which)]
+    sigma = np.sqrt(np.diag(covariance))
+    assert np.all(sigma < DRIFT / 3)
+    drift, online = found.constants[:, LOG_DRIFT], last.mean[slots]
+    assert nees(drift - truth.log_drift, covariance) < 21.1  # of 3 dof: once in 10,000
+    assert nees(online - truth.log_drift, last.of(slots)) < 21.1
+    assert np.all(np.abs(online - drift) < 0.7 * sigma)
+    assert np.sqrt(np.diag(last.of(slots))) == pytest.approx(sigma, rel=0.05)
+
+
+def test_a_clock_that_is_said_not_to_drift_is_left_alone() -> None:
+    group, _ = scene(np.random.default_rng([1, 41]))
+    assert not {constant(c, LOG_DRIFT) for c in range(group.carriers)} & set(group.free.tolist())
 
 
 @settings(max_examples=6, deadline=None)
