@@ -188,6 +188,16 @@ def _convoy(fleet: Fleet, draw: Draw) -> None:
     fleet.targets["count"] = 1
 
 
+def _erring(**sigmas: float) -> Callable[[Fleet, Draw], None]:
+    """Radars with systematic errors, drawn from what they declare."""
+
+    def alter(fleet: Fleet, _: Draw) -> None:
+        for radar in fleet.radars():
+            radar.update(sigmas)
+
+    return alter
+
+
 def _short_own(fleet: Fleet, _: Draw) -> None:
     fleet.radars()[0]["range_max_m"] *= 0.35
 
@@ -230,6 +240,11 @@ FAMILIES: Mapping[str, Callable[[Fleet, Draw], None]] = {
     "short_own": _short_own,
     "late": _as_drawn,
     "lost_and_back": _as_drawn,
+    "range_bias": _erring(sigma_range_bias_m=60.0),
+    "range_scale": _erring(sigma_range_scale=0.004),
+    "radar_errors": _erring(
+        sigma_range_bias_m=60.0, sigma_range_scale=0.004, sigma_azimuth_bias_deg=0.3
+    ),
 }
 
 

@@ -12,7 +12,7 @@ from .scenario import Scenario
 from .scenario.checks import feature_names, word_names
 from .scenario.declared import origin_of
 from .scenario.file import Carrier, ScenarioFile
-from .sensors import systematic_errors
+from .sensors import SystematicErrors, systematic_errors
 from .targets import plan_targets
 from .tracks_csv import Recordings
 
@@ -45,8 +45,10 @@ class World:
             c.name: sail(scenario.file, c, origin, steps) for c in scenario.file.carriers
         }
 
-        biases = [_azimuth_bias_rad(scenario.file, c) for c in scenario.file.carriers]
-        self._azimuth_bias_rad = biases if any(biases) else []
+        errors = [_errors(scenario.file, carrier) for carrier in scenario.file.carriers]
+        self._azimuth_bias_rad = _unless_none([e.azimuth_bias_rad for e in errors])
+        self._range_bias_m = _unless_none([e.range_bias_m for e in errors])
+        self._range_scale = _unless_none([e.range_scale for e in errors])
 
     def step(self, step: int) -> tuple[TruthTargets, TruthCarriers]:
         """The truth of one step, 0 .. steps; whichever were asked for before."""
@@ -96,10 +98,18 @@ class World:
             north_error_rad=[float(v.north_error_rad[step]) for v in voyages],
             clock_offset_s=[float(v.clock_offset_s[step]) for v in voyages],
             azimuth_bias_rad=self._azimuth_bias_rad,
+            range_bias_m=self._range_bias_m,
+            range_scale=self._range_scale,
         )
 
 
-def _azimuth_bias_rad(file: ScenarioFile, carrier: Carrier) -> float:
+def _errors(file: ScenarioFile, carrier: Carrier) -> SystematicErrors:
     """Of its first sensor; none of a carrier that has no sensor."""
-    errors = (systematic_errors(file, carrier.name, sensor) for sensor in carrier.sensors[:1])
-    return sum(error.azimuth_bias_rad for error in errors)
+    if not carrier.sensors:
+        return SystematicErrors(0.0, 0.0, 0.0, 0.0)
+    return systematic_errors(file, carrier.name, carrier.sensors[0])
+
+
+def _unless_none(values: list[float]) -> list[float]:
+    """A column, empty where nobody errs."""
+    return values if any(values) else []

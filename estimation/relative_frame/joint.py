@@ -1,14 +1,14 @@
 """Frames of all carriers followed over time, together.
 
 Of each carrier: where it is in own axes (q), how its bearings are turned (D), at which velocity
-its dead reckoning drifts (u), and the bias of its ranges (b). Between instants the carriers move
-by what they reckon; u is a current and an error of the log, constant for long and new after a
-turn. All targets shared by any two carriers tie the frames at an instant; they are eliminated
-(`network`), so that an instant costs in proportion to its logs.
+its dead reckoning drifts (u), and what is to be added to its ranges: b, and s times the range.
+Between instants the carriers move by what they reckon; u is a current and an error of the log,
+constant for long and new after a turn. All targets shared by any two carriers tie the frames at
+an instant; they are eliminated (`network`), so that an instant costs in proportion to its logs.
 
-The own carrier is number 0. Its q and D are zero, its drift and its bias are unknowns as anyone's:
-the drift of another against it is u_i - u_0, the same u_0 for all. When own north wanders, all
-frames turn about the own carrier.
+The own carrier is number 0. Its q and D are zero, its drift and its range errors are unknowns as
+anyone's: the drift of another against it is u_i - u_0, the same u_0 for all. When own north
+wanders, all frames turn about the own carrier.
 """
 
 from __future__ import annotations
@@ -31,10 +31,12 @@ from estimation.relative_frame.network_equations import (
     adjusted,
     informative,
 )
+from estimation.relative_frame.range_errors import RangeErrors
 
-WIDTH = 6
-"""Numbers of a carrier: q east and north [m], D [rad], u east and north [m/s], b [m]."""
-_FRAME = np.array([0, 1, 2, 5])  # of these, what logs depend on
+WIDTH = 7
+"""Numbers of a carrier: q east and north [m], D [rad], u east and north [m/s], b [m], s."""
+LOGS = np.array([0, 1, 2, 5, 6])
+"""Of these, what logs depend on: (q, D) and the ranges."""
 _STILL = 1e-3  # sigmas: the next step would be a millionth
 _MINORITY = 1 / 3  # share of targets up to which they are taken for wrong, and not the frame
 
@@ -44,8 +46,8 @@ class JointFrames:
     """What is believed of N carriers at one instant.
 
     Attributes:
-        mean: (N, 6) q, D, u, b of each.
-        covariance: (6 N, 6 N).
+        mean: (N, 7) q, D, u, b, s of each.
+        covariance: (7 N, 7 N).
     """
 
     mean: Array
@@ -69,6 +71,17 @@ class JointFrames:
         covariance = p[i, i] + p[o, o] - p[i, o] - p[o, i]
         return self.mean[carrier, 3:5] - self.mean[0, 3:5], covariance
 
+    def ranges(self, carrier: int) -> RangeErrors:
+        """What is to be added to a carrier's ranges."""
+        part = slice(WIDTH * carrier + 5, WIDTH * (carrier + 1))
+        return RangeErrors(self.mean[carrier, 5:], self.covariance[part, part])
+
+    def errors(self, carrier: int) -> Array:
+        """(5, 5) covariance of all that logs of a carrier depend on: q, D, b, s."""
+        rows = WIDTH * carrier + LOGS
+        errors: Array = self.covariance[np.ix_(rows, rows)]
+        return errors
+
     def without(self, carrier: int) -> JointFrames:
         """The others, renumbered."""
         kept = np.delete(np.arange(self.covariance.shape[0]), _block(carrier))
@@ -76,38 +89,51 @@ class JointFrames:
         return JointFrames(mean, self.covariance[np.ix_(kept, kept)])
 
     def joined_by(
-        self, frame: OwnAxesFrame, sigma_drift_mps: float, sigma_bias_m: float
+        self,
+        frame: OwnAxesFrame,
+        sigma_drift_mps: float,
+        sigma_bias_m: float,
+        sigma_scale: float = 0.0,
     ) -> JointFrames:
         """With one more carrier, the last, whose frame has been found by itself."""
         old, new = (
             self.covariance.shape[0],
-            np.diag(np.square([0.0] * 3 + [sigma_drift_mps] * 2 + [sigma_bias_m])),
+            np.diag(np.square([0.0] * 3 + [sigma_drift_mps] * 2 + [sigma_bias_m, sigma_scale])),
         )
         new[:3, :3] = frame.covariance
         covariance = np.zeros((old + WIDTH, old + WIDTH))
         covariance[:old, :old], covariance[old:, old:] = self.covariance, new
-        row = np.array([*frame.q_m, float(frame.D_rad), 0.0, 0.0, 0.0])
+        row = np.array([*frame.q_m, float(frame.D_rad), 0.0, 0.0, 0.0, 0.0])
         return JointFrames(np.vstack([self.mean, row]), covariance)
 
     def joined_through(
-        self, base: int, seen: OwnAxesFrame, sigma_drift_mps: float, sigma_bias_m: float
+        self,
+        base: int,
+        seen: OwnAxesFrame,
+        sigma_drift_mps: float,
+        sigma_bias_m: float,
+        sigma_scale: float = 0.0,
+        by_ranges: Array | None = None,
     ) -> JointFrames:
         """With one more carrier, the last, whose frame has been found in the axes of another.
 
         Args:
             base: in whose axes; its own error goes on to the new one and correlates them.
             seen: (q, D) of the new one there.
+            by_ranges: (3, 4) derivative of `seen` by (b, s) of the base and of the new one, whose
+                errors are not in its covariance; None = it hangs on neither.
         """
         frame, by_base, own_part = composed(self.frame(base), seen)
-        joined = self.joined_by(frame._replace(covariance=own_part), sigma_drift_mps, sigma_bias_m)
+        sigmas = sigma_drift_mps, sigma_bias_m, sigma_scale
+        joined = self.joined_by(frame._replace(covariance=own_part), *sigmas)
         old = self.covariance.shape[0]
-        whole = np.zeros((3, old))
-        whole[:, _block(base)[:3]] = by_base
-        shared, covariance = whole @ self.covariance, joined.covariance.copy()
-        covariance[old : old + 3, :old] = shared
-        covariance[:old, old : old + 3] = shared.T
-        covariance[old : old + 3, old : old + 3] = frame.covariance
-        return JointFrames(joined.mean, covariance)
+        hangs = np.zeros((3, 4)) if by_ranges is None else by_ranges.copy()
+        hangs[:2] = rotation_clockwise(self.mean[base, 2]) @ hangs[:2]
+        through = np.eye(old + WIDTH)
+        block, ranges = _block(base), np.r_[_block(base)[5:], old + 5, old + 6]
+        through[old : old + 3, block[:3]] = by_base
+        through[old : old + 3, ranges] = hangs
+        return JointFrames(joined.mean, through @ joined.covariance @ through.T)
 
     def with_frame(self, carrier: int, frame: OwnAxesFrame) -> JointFrames:
         """A carrier's (q, D) found anew and independent of all else; its drift and bias stay."""
@@ -135,9 +161,9 @@ def composed(base: OwnAxesFrame, seen: OwnAxesFrame) -> tuple[OwnAxesFrame, Arra
     return frame, by_base, own_part
 
 
-def own_alone(sigma_drift_mps: float, sigma_bias_m: float) -> JointFrames:
+def own_alone(sigma_drift_mps: float, sigma_bias_m: float, sigma_scale: float = 0.0) -> JointFrames:
     """The own carrier before any other is known."""
-    variances = np.square([0.0] * 3 + [sigma_drift_mps] * 2 + [sigma_bias_m])
+    variances = np.square([0.0] * 3 + [sigma_drift_mps] * 2 + [sigma_bias_m, sigma_scale])
     return JointFrames(np.zeros((1, WIDTH)), np.diag(variances))
 
 
@@ -182,7 +208,7 @@ def carried_on(joint: JointFrames, elapsed: Elapsed) -> JointFrames:
 
 
 def _noise(mean: Array, elapsed: Elapsed) -> Array:
-    """(6 N, 6 N) what the drifts, the places and the norths have done unseen."""
+    """(7 N, 7 N) what the drifts, the places and the norths have done unseen."""
     count, others = len(mean), np.arange(1, len(mean))
     every = np.arange(count)
     # each carrier's own (place, drift) per axis, and its north
@@ -238,13 +264,13 @@ class JointUpdate:
         Args:
             pairs: how many pairs it is to be counted as.
         """
-        width, count = len(_FRAME), self.joint.carriers
+        width, count = len(LOGS), self.joint.carriers
         mine = np.arange(width * carrier, width * carrier + 3)
         rest = np.delete(np.arange(width * count), mine)
         matrix, vector = self._end.normal.matrix, self._end.normal.vector
         before, which = self._before, _frame_rows(count)
         root = root_of(before.covariance[np.ix_(which, which)][np.ix_(rest, rest)])
-        off = (before.mean[:, _FRAME] - self._end.frames).ravel()[rest]
+        off = (before.mean[:, LOGS] - self._end.frames).ravel()[rest]
         inner = np.eye(len(rest)) + root.T @ matrix[np.ix_(rest, rest)] @ root
         cross = matrix[np.ix_(mine, rest)]
         through = cross @ root @ inverse(inner) @ root.T
@@ -285,7 +311,7 @@ def _improved(joint: JointFrames, logs: NetworkLogs, targets: int = 0) -> JointU
     """The same with every log; of so many targets at least."""
     telling = informative(logs)
     root, which = root_of(joint.covariance), _frame_rows(joint.carriers)
-    start, tangent = joint.mean[:, _FRAME], root[which]
+    start, tangent = joint.mean[:, LOGS], root[which]
 
     def at(z: Array) -> tuple[Array, Array]:
         return start + (tangent @ z).reshape(start.shape), tangent
@@ -327,5 +353,5 @@ def _block(carrier: int) -> Indices:
 
 def _frame_rows(carriers: int) -> Indices:
     """Rows of the state on which logs depend."""
-    rows: Indices = (WIDTH * np.arange(carriers)[:, None] + _FRAME).ravel()
+    rows: Indices = (WIDTH * np.arange(carriers)[:, None] + LOGS).ravel()
     return rows

@@ -1,7 +1,8 @@
 """Normal equations of many carriers' logs, the targets eliminated, and their solution.
 
-A frame is (q, D) or, where range biases are sought, (q, D, bias): W numbers. The prior of all
-frames together comes as a function of whitened coordinates z, in which it is the unit Gaussian.
+A frame is (q, D) or, where range errors are sought, (q, D, bias, scale): W numbers; bias + scale *
+range is added to a range. The prior of all frames together comes as a function of whitened
+coordinates z, in which it is the unit Gaussian.
 """
 
 from __future__ import annotations
@@ -187,18 +188,21 @@ def rows_of(logs: NetworkLogs, frames: Array, targets: Array, v: Array, doubt_m:
 def _place_rows(logs: NetworkLogs, frame: Array, target: Array, v: Array) -> Rows:
     """Bearing and range: q + R(D) p - t = 0, at the adjusted measurements (Gauss-Helmert)."""
     width = frame.shape[1]
-    reach = np.nan_to_num(logs.range_m, nan=1.0) + v[:, 1] + frame[:, 3:].sum(axis=1)
+    measured = np.nan_to_num(logs.range_m, nan=1.0) + v[:, 1]
+    ranges = np.stack([np.ones_like(measured), measured], axis=1)[:, : width - 3]
+    stretch = 1.0 + frame[:, 4] if width > 4 else 1.0
+    reach = measured + (ranges * frame[:, 3:]).sum(axis=1)
     bearing = logs.bearing_rad + v[:, 0] + frame[:, 2]
     sin, cos = np.sin(bearing), np.cos(bearing)
     x, y = reach * sin, reach * cos
-    by_measured = np.stack([y, sin, -x, cos], axis=1).reshape(-1, 2, 2)
+    by_measured = np.stack([y, sin * stretch, -x, cos * stretch], axis=1).reshape(-1, 2, 2)
     spread = by_measured @ logs.covariance @ transposed(by_measured)
     whiten = inverse(np.linalg.cholesky(np.where(np.isfinite(spread), spread, np.eye(2))))
     place = frame[:, :2] + np.stack([x, y], axis=1)
     by_frame = np.zeros((len(x), 2, width))
     by_frame[:, 0, 0] = by_frame[:, 1, 1] = 1
     by_frame[:, 0, 2], by_frame[:, 1, 2] = y, -x
-    by_frame[:, 0, 3:], by_frame[:, 1, 3:] = sin[:, None], cos[:, None]
+    by_frame[:, 0, 3:], by_frame[:, 1, 3:] = sin[:, None] * ranges, cos[:, None] * ranges
     misclosure = place - target - times(by_measured, v)
     back = -np.nan_to_num(logs.covariance) @ transposed(by_measured) @ transposed(whiten)
     return Rows(whiten @ by_frame, -whiten, times(whiten, misclosure), back)

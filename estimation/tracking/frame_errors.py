@@ -16,10 +16,11 @@ import numpy as np
 
 from estimation.arrays import Array
 from estimation.tracking.imm import Bank
-from estimation.tracking.innovations import Common, displaced
+from estimation.tracking.innovations import Common
 
 SIZE = 3
-"""Errors of a frame: q east, q north [m], D clockwise [rad] about the middle of the picture."""
+"""Errors of a frame: q east, q north [m], D clockwise [rad] about the middle of the picture. Those
+of the ranges of its sources follow them, two each."""
 MOST = 8
 """Frames remembered; of one that was not heard for longest, tracks forget what it has given."""
 
@@ -29,15 +30,21 @@ class Frames(NamedTuple):
 
     Attributes:
         names: of the frames.
-        covariance: (frames, 3, 3) of each when it was heard last.
+        covariances: (K, K) of each when it was heard last.
     """
 
     names: tuple[str, ...]
-    covariance: Array
+    covariances: tuple[Array, ...]
+
+    def columns(self, frame: int) -> slice:
+        """Which of what tracks remember is of a frame."""
+        sizes = [len(covariance) for covariance in self.covariances[: frame + 1]]
+        return slice(sum(sizes[:-1]), sum(sizes))
 
 
 _LEAST = 1e-3, 1e-3, 1e-7  # sigmas [m, m, rad]: no frame is known better
-NONE = Frames((), np.zeros((0, SIZE, SIZE)))
+_LEAST_RANGES = 1e-3, 1e-8  # and no ranges [m, a metre of range]
+NONE = Frames((), ())
 
 
 class Met(NamedTuple):
@@ -56,24 +63,31 @@ def met(frames: Frames, bank: Bank, common: Common | None) -> Met:
     """What is known of frames when the scan of one of them comes."""
     if common is None or not common.name:
         return Met(frames, bank, common)
-    now, mine = _about_the_middle(common), np.zeros((4, SIZE, *bank.model.shape))
+    now = _about_the_middle(common)
+    mine = np.zeros((4, len(now), *bank.model.shape))
     others = [k for k, name in enumerate(frames.names) if name != common.name]
     if len(others) < len(frames.names):
         row = frames.names.index(common.name)
-        still = kept(frames.covariance[row], now)
-        mine = np.einsum("aimn,ij->ajmn", _columns(bank.shared, row), still)
+        if len(frames.covariances[row]) == len(now):
+            still = kept(frames.covariances[row], now)
+            mine = np.einsum("aimn,ij->ajmn", bank.shared[:, frames.columns(row)], still)
     others = others[-(MOST - 1) :]
-    shared = np.concatenate([*(_columns(bank.shared, k) for k in others), mine], axis=1)
+    remembered = [bank.shared[:, frames.columns(k)] for k in others]
     after = Frames(
         (*(frames.names[k] for k in others), common.name),
-        np.concatenate([frames.covariance[others], now[None]]),
+        (*(frames.covariances[k] for k in others), now),
     )
-    told = Common(now, np.zeros(2), common.name, SIZE * len(others))
-    return Met(after, bank._replace(shared=shared), told)
+    told = common._replace(
+        covariance=now,
+        pivot_m=np.zeros(2),
+        slot=after.columns(len(others)).start,
+        site_m=common.pivot_m,
+    )
+    return Met(after, bank._replace(shared=np.concatenate([*remembered, mine], axis=1)), told)
 
 
 def kept(before: Array, now: Array) -> Array:
-    """What (3, 3) turns the covariance of a state with b as it was into that with b as it is.
+    """What (K, K) turns the covariance of a state with b as it was into that with b as it is.
 
     Where b is known better than it was, something has been learnt: what was learnt is
     independent of what is left. Where it is known worse, it has wandered off by itself. Hence the
@@ -95,23 +109,20 @@ def begun(bank: Bank, common: Common | None, columns: int) -> Bank:
     shared = np.zeros((4, columns, *bank.model.shape))
     if common is None:
         return bank._replace(shared=shared)
-    by_frame = displaced(bank.mean, common.pivot_m)
+    by_frame = common.displaces(bank.mean)
     error = np.einsum("aimn,ij->ajmn", by_frame, common.covariance)
     covariance = bank.covariance.copy()
     covariance[:2, :2] += np.einsum("aimn,bimn->abmn", error, by_frame)
     if common.slot >= 0:
-        shared[:2, common.slot : common.slot + SIZE] = -error
+        shared[:2, common.slot : common.slot + len(common.covariance)] = -error
     return bank._replace(covariance=covariance, shared=shared)
-
-
-def _columns(shared: Array, frame: int) -> Array:
-    return shared[:, SIZE * frame : SIZE * (frame + 1)]
 
 
 def _about_the_middle(common: Common) -> Array:
     """The covariance of q and D about the middle instead of the carrier's place."""
     east, north = common.pivot_m
-    turn = np.eye(SIZE)
+    turn = np.eye(len(common.covariance))
     turn[:2, 2] = -north, east
-    about: Array = turn @ (common.covariance + np.diag(_LEAST) ** 2) @ turn.T
+    least = [*_LEAST, *_LEAST_RANGES * ((len(turn) - SIZE) // 2)]
+    about: Array = turn @ (common.covariance + np.diag(least) ** 2) @ turn.T
     return about

@@ -16,22 +16,41 @@ from estimation.arrays import Array, Indices
 from estimation.frames import wrap_pi
 from estimation.tracking.imm import Bank
 from estimation.tracking.measurements import Expected, Readings
+from estimation.tracking.measurements.line_of_sight import LEAST_M
 
 
 class Common(NamedTuple):
     """An error that all plots of a scan share: that of the correction of the carrier's frame.
 
     Attributes:
-        covariance: (3, 3) of (q east, q north [m], D clockwise [rad]).
+        covariance: (K, K) of (q east, q north [m], D clockwise [rad]) and, for each source of the
+            carrier whose ranges err, of what is to be added to them: b [m], and s a metre of range.
         pivot_m: (2,) the point about which D turns, the carrier.
         name: of the frame; errors of a frame without one are forgotten with the scan.
         slot: first of its columns among what tracks remember of frames, -1 if they do not.
+        ranges: first of b and s of the scan's source among the K, 0 if its ranges do not err.
+        site_m: (2,) from where ranges are measured; None = the pivot.
     """
 
     covariance: Array
     pivot_m: Array
     name: str = ""
     slot: int = -1
+    ranges: int = 0
+    site_m: Array | None = None
+
+    def displaces(self, mean: Array) -> Array:
+        """By what (2, K, models, n) the errors displace the plots of targets (4, models, n)."""
+        by = np.zeros((2, len(self.covariance), *mean.shape[1:]))
+        east, north = mean[:2] - self.pivot_m[:, None, None]
+        by[0, 0] = by[1, 1] = 1.0
+        by[0, 2], by[1, 2] = north, -east
+        if self.ranges:
+            site_m = self.pivot_m if self.site_m is None else self.site_m
+            away = mean[:2] - site_m[:, None, None]
+            by[:, self.ranges] = away / np.maximum(np.hypot(*away), LEAST_M)
+            by[:, self.ranges + 1] = away
+        return by
 
 
 class Foretold(NamedTuple):
@@ -108,7 +127,7 @@ def foretold(expected: Expected, bank: Bank, common: Common | None = None) -> Fo
     push_shared = np.einsum("aemn,ramn->remn", bank.shared, expected.gradient)
     if common is not None:
         by_frame = np.einsum(
-            "ramn,aimn->rimn", expected.gradient[:, :2], displaced(bank.mean, common.pivot_m)
+            "ramn,aimn->rimn", expected.gradient[:, :2], common.displaces(bank.mean)
         )
         spread += np.einsum("rimn,ij,sjmn->rsmn", by_frame, common.covariance, by_frame)
         if common.slot >= 0:
@@ -119,13 +138,6 @@ def foretold(expected: Expected, bank: Bank, common: Common | None = None) -> Fo
             push_shared[:, mine] += np.einsum("ij,rjmn->rimn", common.covariance, by_frame)
     rate = (expected.gradient[:, :2] * bank.mean[2:]).sum(axis=1)
     return Foretold(expected.value, spread, push, rate, push_shared)
-
-
-def displaced(mean: Array, pivot_m: Array) -> Array:
-    """By what (2, 3, models, n) an error of a frame displaces the plots of targets."""
-    east, north = mean[:2] - pivot_m[:, None, None]
-    one, none = np.ones_like(east), np.zeros_like(east)
-    return np.stack([np.stack([one, none, north]), np.stack([none, one, -east])])
 
 
 def innovations(readings: Readings, told: Foretold, state: Indices, plot: Indices) -> Innovations:

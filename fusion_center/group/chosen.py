@@ -7,8 +7,10 @@ and what puts its reports into the picture, is of the one or of the other.
 from __future__ import annotations
 
 from estimation.relative_frame import OwnAxesFrame
+from estimation.relative_frame.range_errors import RangeErrors
 
 from ..navigation import NS
+from ..relative_frames import frames as followed
 from ..relative_frames.links import status as linked
 from ..state import CarrierState, Estimate, Member, Monitor, State
 from . import frames
@@ -52,6 +54,15 @@ def lateness(state: State, carrier: str, source: str) -> frames.Lateness:
     if carrier != state.own and holding(state, carrier) is None:
         return frames.PUNCTUAL
     return frames.lateness(state, carrier, source)
+
+
+def range_errors(state: State, carrier: str, source: str) -> RangeErrors:
+    """What is to be added to the ranges of a source, by the group as far as its word counts."""
+    if carrier == state.own or holding(state, carrier) is not None:
+        by_group = frames.range_errors(state, carrier, source)
+        if by_group is not None:
+            return by_group
+    return followed.range_errors(state, state.frames, carrier, source)
 
 
 def _blocked(state: State, carrier: str, t_ns: int) -> Monitor | None:

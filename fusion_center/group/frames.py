@@ -16,6 +16,8 @@ from estimation.joint_navigation.online import (
     CURRENT,
     GAUGE,
     HEADING,
+    LOG_BIAS,
+    LOG_SCALE,
     LOG_TIME,
     NORTH,
     STAMP,
@@ -25,6 +27,7 @@ from estimation.joint_navigation.online import (
     velocity_mps,
 )
 from estimation.relative_frame import OwnAxesFrame, RelativeFramePrior, in_fixed_axes
+from estimation.relative_frame.range_errors import RangeErrors
 from schemas.messages import SourceTerm
 
 from ..relative_frames import corrections, monitor
@@ -206,6 +209,16 @@ def lateness(state: State, carrier: str, source: str) -> Lateness:
     by = np.array(signs)
     variance = float(by @ joint.of(slots) @ by)
     return Lateness(float(by @ joint.mean[slots]), float(np.sqrt(max(variance, 0.0))), late)
+
+
+def range_errors(state: State, carrier: str, source: str) -> RangeErrors | None:
+    """What is to be added to the ranges of a member's source; None where the group has no word."""
+    group, block = state.group, f"{SOURCE}{carrier}/{source}"
+    if group is None or block not in (joint := joint_of(group)).names:
+        return None
+    first = joint.first(block)
+    slots = [first + LOG_BIAS, first + LOG_SCALE]
+    return RangeErrors(-joint.mean[slots], joint.of(slots))
 
 
 def terms(state: State, carrier: str) -> tuple[SourceTerm, ...]:

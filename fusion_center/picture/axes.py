@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,13 +24,27 @@ from estimation.frames import (
     yaw_rad,
 )
 from estimation.relative_frame import OwnAxesFrame
+from estimation.relative_frame.range_errors import NO_RANGE_ERRORS, RangeErrors
+from estimation.tracking.frame_errors import SIZE
 from estimation.tracking.innovations import Common
 
 from ..group import chosen
 from ..navigation import pose_at, site
 from ..relative_frames import corrections, frames
 from ..relative_frames.links import navigated
-from ..state import State
+from ..state import Frames, State
+
+
+class Unsure(NamedTuple):
+    """What is not known of where a carrier's plots lie, as one covariance.
+
+    Attributes:
+        covariance: (K, K) of the frame's (q, D) along own axes, and of (b, s) of each source.
+        ranges: of each source whose ranges err, the first of its rows, and what is to be added.
+    """
+
+    covariance: Array
+    ranges: dict[str, tuple[int, RangeErrors]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +56,7 @@ class Placed:
         own_from_carrier: known transform of their planes; None for the own carrier.
         frame: the correction in own axes; None for the own carrier.
         picture_from_own: known transform of the own plane to the picture.
+        unsure: None where nothing is, as of an own carrier whose ranges are right.
     """
 
     site: Site
@@ -48,6 +64,7 @@ class Placed:
     own_from_carrier: RigidTransform | None
     frame: OwnAxesFrame | None
     picture_from_own: RigidTransform
+    unsure: Unsure | None = None
 
     @property
     def turn_rad(self) -> float:
@@ -81,17 +98,26 @@ class Placed:
         turn = rotation_clockwise(self.turn_rad)
         return np.asarray(turn @ covariance @ turn.T)
 
-    def common(self, name: str = "") -> Common | None:
-        """What the correction leaves unsure of every place alike, along the picture's axes.
+    def ranges(self, source: str) -> RangeErrors:
+        """What is to be added to the ranges of a source."""
+        known = self.unsure.ranges if self.unsure else {}
+        return known[source][1] if source in known else NO_RANGE_ERRORS
+
+    def common(self, name: str = "", source: str = "") -> Common | None:
+        """What is unsure of all places of a source alike, along the picture's axes.
 
         Args:
             name: under which tracks remember it.
+            source: whose ranges are meant; empty = only the frame is.
         """
-        if self.frame is None:
+        if self.unsure is None or (self.frame is None and not name):
             return None
-        turn = np.eye(3)
+        covariance = self.unsure.covariance if name else self.unsure.covariance[:SIZE, :SIZE]
+        turn = np.eye(len(covariance))
         turn[:2, :2] = rotation_clockwise(yaw_rad(self.picture_from_own))
-        return Common(turn @ self.frame.covariance @ transposed(turn), self.place_m(), name)
+        first, _ = self.unsure.ranges.get(source, (0, NO_RANGE_ERRORS))
+        covariance = turn @ covariance @ transposed(turn)
+        return Common(covariance, self.place_m(), name, ranges=first)
 
 
 def placed(state: State, carrier: str, t_ns: int) -> Placed | None:
@@ -112,12 +138,34 @@ def _placed(state: State, carrier: str, t_ns: int) -> Placed | None:
     there = Site(origin.latitude_rad, origin.longitude_rad, origin.altitude_m)
     picture_from_own = target_from_source(there, own)
     if carrier == state.own:
-        return Placed(own, own, None, None, picture_from_own)
-    frame = _frame(state, carrier, t_ns)
+        unsure = _unsure(state, carrier, np.zeros((SIZE, SIZE)), state.frames)
+        return Placed(own, own, None, None, picture_from_own, unsure if unsure.ranges else None)
+    frame, joint = _frame(state, carrier, t_ns)
     if frame is None:
         return None
     between, _ = navigated(state, carrier, t_ns)
-    return Placed(site(between.other), own, between.own_from_other, frame, picture_from_own)
+    unsure = _unsure(state, carrier, frame.covariance, joint)
+    other = site(between.other)
+    return Placed(other, own, between.own_from_other, frame, picture_from_own, unsure)
+
+
+def _unsure(state: State, carrier: str, frame: Array, joint: Frames | None) -> Unsure:
+    """What is unsure of a carrier.
+
+    Args:
+        frame: (3, 3) covariance of (q, D).
+        joint: whence it is, if it is from there.
+    """
+    errors = {s: chosen.range_errors(state, carrier, s) for s in sorted(state.sources(carrier))}
+    erring = [source for source, ranges in errors.items() if not ranges.none]
+    first = {source: SIZE + 2 * k for k, source in enumerate(erring)}
+    covariance = np.zeros((SIZE + 2 * len(erring),) * 2)
+    covariance[:SIZE, :SIZE] = frame
+    for source, row in first.items():
+        covariance[row : row + 2, row : row + 2] = errors[source].covariance
+    if len(erring) == 1 and joint is not None and carrier in joint.carriers:
+        covariance = frames.joint(joint).errors(frames.row(joint, carrier))
+    return Unsure(covariance, {source: (row, errors[source]) for source, row in first.items()})
 
 
 def _holds_unknown(state: State, carrier: str) -> bool:
@@ -126,16 +174,16 @@ def _holds_unknown(state: State, carrier: str) -> bool:
     return any(message.correction_id for message in messages[-1:])
 
 
-def _frame(state: State, carrier: str, t_ns: int) -> OwnAxesFrame | None:
-    """An applied correction at an instant."""
+def _frame(state: State, carrier: str, t_ns: int) -> tuple[OwnAxesFrame | None, Frames | None]:
+    """An applied correction at an instant, and all frames if it is of those followed together."""
     counts, by_group = chosen.frame(state, carrier, t_ns)
     if counts:
-        return by_group
+        return by_group, None
     link = state.links.get(carrier)
     if link is None or link.monitor.state != "applied" or link.estimate is None:
-        return None
+        return None, None
     carried = frames.carried_to(state, t_ns)
     if carried is not None and carrier in carried.carriers:
-        return frames.frame_of(carried, carrier)
+        return frames.frame_of(carried, carrier), carried
     _, prior = navigated(state, carrier, t_ns)
-    return corrections.at(link.estimate, prior)
+    return corrections.at(link.estimate, prior), None

@@ -69,7 +69,8 @@ def plots(state: State, report: SourceReport, axes: Placed) -> Plots | None:
     share = len(index) / len(report) if memory is not None and len(report) else 1.0
     seen = share * properties.detection_probability
     detection = float(np.clip(seen, LEAST_DETECTION if share else 0.0, MOST_DETECTION))
-    common = axes.common(f"{report.carrier}/{state.carriers[report.carrier].boot}")
+    life = f"{report.carrier}/{state.carriers[report.carrier].boot}"
+    common = axes.common(life, report.stream)
     scan = Scan(report.t_ns, measured, view, detection, false / extent, common)
     classes, told = classes_of(state.scenario), properties.features.get(CLASS)
     learned = state.picture.learned.get(told_key(state, report), NOTHING_LEARNED)
@@ -94,7 +95,11 @@ def _places(state: State, report: SourceReport, axes: Placed) -> _Taken:
         before = state.picture.told.get(told_key(state, report), NOTHING_TOLD)
         found, told = news(before, report, properties, found, moved + way)
     index = np.flatnonzero(found.usable)
-    here = found.east_north_m[index] + moved[index]
+    here = found.east_north_m[index]
+    ranges = axes.ranges(report.stream)
+    if not ranges.none:
+        here = here + ranges.added(here)
+    here = here + moved[index]
     place = axes.places_m(here, found.altitude_m[index])
     covariance = axes.turned(found.covariance[index])
     sane = np.flatnonzero(_are_sane(place, covariance))

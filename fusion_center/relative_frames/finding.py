@@ -21,6 +21,12 @@ from estimation.relative_frame import (
     robust_adjustment,
 )
 from estimation.relative_frame.joint import composed
+from estimation.relative_frame.range_errors import (
+    NO_RANGE_ERRORS,
+    RangeErrors,
+    Seen,
+    considered,
+)
 from estimation.relative_frame.situation import reasons
 
 from ..quality import MOST_NIS, Tally
@@ -55,12 +61,14 @@ class Start(NamedTuple):
 
     Attributes:
         through: in whose axes `frame` is.
+        by_ranges: what `frame` hangs on beside, see `considered`; None = on nothing.
         estimate: in own axes.
         pairs: behind it; nis: (L,) of each; remark: what their geometry hides.
     """
 
     through: str
     frame: OwnAxesFrame
+    by_ranges: Array | None
     estimate: Estimate
     pairs: list[Pair]
     nis: Array
@@ -97,7 +105,8 @@ def with_search(state: State, moment: Moment, name: str, tally: Tally) -> State:
         watch=None,
     )
     known = frames_without(state.frames, name)
-    known = frames.joined_by(state, known, name, start.frame, moment.t_ns, start.through)
+    through = start.through, start.by_ranges
+    known = frames.joined_by(state, known, name, start.frame, moment.t_ns, through)
     return _with(replace(state, frames=known), name, link)
 
 
@@ -107,7 +116,7 @@ def _as_navigated(state: State, moment: Moment, name: str) -> Start | None:
     if known is None or surveyed.contradicted(state, moment, name):
         return None
     known = corrections.within_bounds(replace(known, since_t_ns=moment.t_ns))
-    return Start(state.own, corrections.frame_of(known), known, [], np.zeros(0), "")
+    return Start(state.own, corrections.frame_of(known), None, known, [], np.zeros(0), "")
 
 
 def _tried(state: State, moment: Moment, name: str) -> tuple[Found, Start | None]:
@@ -174,19 +183,19 @@ def _adjusted(state: State, moment: Moment, name: str, base: Base, found: Found)
         base.view, other, found.pairs, base.prior, between, "adjustment", plot
     )
     seen = corrections.within_bounds(seen)
-    frame, estimate = corrections.frame_of(seen), seen
-    if base.name != state.own and state.frames is not None:
+    estimate = seen
+    frame, by_ranges, published = _considered(
+        state, moment, name, base, found.pairs, corrections.frame_of(seen)
+    )
+    known = state.frames if base.name != state.own else None
+    if known is not None or by_ranges is not None:
         prior = moment.prior[name]
-        own, _, _ = composed(frames.frame_of(state.frames, base.name), frame)
+        own = published
+        if known is not None:
+            own, _, _ = composed(frames.frame_of(known, base.name), published)
         misclosure = Misclosure(seen.pairs, seen.chi2, seen.dof)
         estimate = corrections.estimated(
-            own,
-            in_fixed_axes(own, prior),
-            prior,
-            between,
-            misclosure,
-            "joint",
-            plot,
+            own, in_fixed_axes(own, prior), prior, between, misclosure, "joint", plot
         )
     estimate = replace(
         estimate, method="joint", mode_probability=found.probability, since_t_ns=moment.t_ns
@@ -194,11 +203,37 @@ def _adjusted(state: State, moment: Moment, name: str, base: Base, found: Found)
     return Start(
         through=base.name,
         frame=frame,
+        by_ranges=by_ranges,
         estimate=corrections.within_bounds(estimate),
         pairs=found.pairs,
         nis=np.nan_to_num(nis, nan=MOST_NIS).clip(0.0, MOST_NIS),
         remark="; ".join(reasons(*_polar(base, other, found.pairs))),
     )
+
+
+def _considered(
+    state: State, moment: Moment, name: str, base: Base, pairs: list[Pair], frame: OwnAxesFrame
+) -> tuple[OwnAxesFrame, Array | None, OwnAxesFrame]:
+    """A frame without what range errors leave open, by what it hangs on them, and with it."""
+    ranges = [_sought(state, moment, carrier) for carrier in (base.name, name)]
+    if all(errors.none for errors in ranges):
+        return frame, None, frame
+    views = base.view, moment.others[name]
+    rows = [pair.own for pair in pairs], [pair.other for pair in pairs]
+    mine, theirs = (
+        Seen(view.east_north_m[which], view.covariance[which], errors)
+        for view, which, errors in zip(views, rows, ranges, strict=True)
+    )
+    left, by_ranges = considered(frame, mine, theirs)
+    whole = left.covariance.copy()
+    for errors, by in zip(ranges, np.split(by_ranges, 2, axis=1), strict=True):
+        whole += by @ errors.covariance @ by.T
+    return left, by_ranges, left._replace(covariance=whole)
+
+
+def _sought(state: State, moment: Moment, name: str) -> RangeErrors:
+    """The range errors of a carrier that are states beside its frame."""
+    return moment.ranges[name].get(frames.ranging_source(state, name), NO_RANGE_ERRORS)
 
 
 def _polar(base: Base, other: View, pairs: list[Pair]) -> tuple[PolarLogs, PolarLogs]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace as with_fields
 from functools import cache
+from typing import Literal
 
 import numpy as np
 from msgspec.structs import replace
@@ -44,6 +45,7 @@ FORGETTING = 0.1
 """Weight of the newest event in that average."""
 MOST_VALID_S = 1e6
 NO_PAIRS = Misclosure(0, 0.0, 0)
+_RANGE_TERMS: tuple[Literal["range_bias_m", "range_scale"], ...] = "range_bias_m", "range_scale"
 
 
 def with_scan(state: State, moment: Moment, names: Sequence[str], tally: Tally) -> State:
@@ -210,13 +212,15 @@ def _estimate(
 
 
 def _terms(state: State, name: str, joint: JointFrames, row: int) -> tuple[SourceTerm, ...]:
-    """The bias of a carrier's ranges, where one was expected and one source measures them."""
-    placing = [(s, p) for s, p in state.sources(name).items() if p.coordinates != "bearing"]
-    if len(placing) != 1 or placing[0][1].sigma_range_bias_m == 0:
-        return ()
-    sigma = float(np.sqrt(max(joint.covariance[6 * row + 5, 6 * row + 5], 0.0)))
-    value = float(joint.mean[row, 5])
-    return (SourceTerm(source=placing[0][0], name="range_bias_m", value=value, sigma=sigma),)
+    """The errors of a carrier's ranges, where some were expected and one source measures them."""
+    source, ranges = frames.ranging_source(state, name), joint.ranges(row)
+    sigmas = np.sqrt(np.maximum(np.diag(ranges.covariance), 0.0)).tolist()
+    told = zip(_RANGE_TERMS, ranges.mean.tolist(), sigmas, strict=True)
+    return tuple(
+        SourceTerm(source=source, name=term, value=-added, sigma=sigma)
+        for term, added, sigma in told
+        if source and sigma > 0
+    )
 
 
 def _given_up(state: State, names: Sequence[str], reason: str) -> State:

@@ -16,6 +16,8 @@ from estimation.arrays import Array
 from estimation.frames import wrap_pi
 from estimation.relative_frame import OwnAxesFrame
 from estimation.relative_frame.joint import Elapsed, JointFrames, carried_on, own_alone
+from estimation.relative_frame.range_errors import NO_RANGE_ERRORS, RangeErrors, declared
+from schemas.messages import SourceProperties
 
 from ..navigation import NS, frame_covariance, way_m
 from ..state import Frames, State
@@ -31,7 +33,7 @@ class Stand(NamedTuple):
     heading_rad: float
     north_variance: float
     sigma_drift_mps: float
-    sigma_bias_m: float
+    range_sigmas: tuple[float, float]
 
 
 def stand(state: State, name: str, t_ns: int) -> Stand:
@@ -44,14 +46,32 @@ def stand(state: State, name: str, t_ns: int) -> Stand:
         heading_rad=newest.pose.heading_rad,
         north_variance=0.0 if covariance is None else float(covariance[2, 2]),
         sigma_drift_mps=newest.sigma_speed_mps or state.settings.navigation.sigma_speed_mps,
-        sigma_bias_m=_sigma_bias_m(state, name),
+        range_sigmas=_range_sigmas(state, name),
     )
 
 
-def _sigma_bias_m(state: State, name: str) -> float:
-    """Prior sigma of the bias of a carrier's ranges; of several sources the largest."""
-    sources = state.sources(name).values()
-    return max((s.sigma_range_bias_m for s in sources if s.coordinates != "bearing"), default=0.0)
+def _range_sigmas(state: State, name: str) -> tuple[float, float]:
+    """Prior sigmas of the bias and the scale that are sought of a carrier's ranges."""
+    source = ranging_source(state, name)
+    properties = state.sources(name).get(source, SourceProperties())
+    return properties.sigma_range_bias_m, properties.sigma_range_scale
+
+
+def ranging_source(state: State, name: str) -> str:
+    """The one source of a carrier that measures ranges; empty where none does, or several do."""
+    ranging = [s for s, p in state.sources(name).items() if p.coordinates != "bearing"]
+    return ranging[0] if len(ranging) == 1 else ""
+
+
+def range_errors(state: State, frames: Frames | None, name: str, source: str) -> RangeErrors:
+    """What is to be added to the ranges of a source, as far as anybody knows."""
+    properties = state.sources(name).get(source, SourceProperties())
+    if properties.coordinates == "bearing":
+        return NO_RANGE_ERRORS
+    known = frames is not None and (name == state.own or name in frames.carriers)
+    if frames is not None and known and source == ranging_source(state, name):
+        return joint(frames).ranges(0 if name == state.own else row(frames, name))
+    return declared(properties.sigma_range_bias_m, properties.sigma_range_scale)
 
 
 def carried_to(state: State, t_ns: int) -> Frames | None:
@@ -89,23 +109,31 @@ def improved(frames: Frames, better: JointFrames) -> Frames:
 
 
 def joined_by(
-    state: State, frames: Frames | None, name: str, frame: OwnAxesFrame, t_ns: int, through: str
+    state: State,
+    frames: Frames | None,
+    name: str,
+    frame: OwnAxesFrame,
+    t_ns: int,
+    through: tuple[str, Array | None],
 ) -> Frames:
     """The frames with a carrier's that has been found, for the first time or anew.
 
     Args:
         frame: in the axes of the carrier `through`, which is the own one or is followed.
+        through: its name, and by what the frame hangs on range errors, see `considered`.
     """
+    base, by_ranges = through
     own = stand(state, state.own, t_ns)
     if frames is None:
-        alone = own_alone(own.sigma_drift_mps, own.sigma_bias_m)
+        alone = own_alone(own.sigma_drift_mps, *own.range_sigmas)
         frames = _stored((), alone, [own], t_ns)
     before, new = joint(frames), stand(state, name, t_ns)
-    sigmas = new.sigma_drift_mps, new.sigma_bias_m
-    if through == state.own:
+    sigmas = new.sigma_drift_mps, *new.range_sigmas
+    if base == state.own and by_ranges is None:
         after = before.joined_by(frame, *sigmas)
     else:
-        after = before.joined_through(row(frames, through), frame, *sigmas)
+        number = 0 if base == state.own else row(frames, base)
+        after = before.joined_through(number, frame, *sigmas, by_ranges)
     return replace(
         improved(frames, after),
         carriers=(*frames.carriers, name),

@@ -10,18 +10,21 @@ tracks of all carriers at one instant
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 
 import numpy as np
 from msgspec.structs import replace
 
+from estimation.relative_frame.range_errors import RangeErrors
+
 from ..quality import Tally
-from ..state import State
+from ..state import Frames, State
 from ..timeline import Instant
 from . import finding, following, frames, windows
 from .links import navigated, obstacle
 from .moment import Moment
-from .views import in_own_plane, view, with_plots_used
+from .views import View, in_own_plane, view, with_plots_used, with_ranges
 
 
 def ended(state: State, instant: Instant, tally: Tally) -> State:
@@ -59,12 +62,28 @@ def _moment(state: State, t_ns: int) -> Moment | None:
     for name in names:
         with suppress(np.linalg.LinAlgError, ValueError), np.errstate(all="ignore"):
             placed[name] = navigated(state, name, t_ns)
+    known = frames.carried_to(state, t_ns)
+    ranges = {name: _ranges(state, known, name) for name in (state.own, *placed)}
     return Moment(
         t_ns=t_ns,
         names=tuple(placed),
-        own=in_own_plane(view(state, state.own, t_ns), None),
-        others={n: in_own_plane(view(state, n, t_ns), placed[n][0]) for n in placed},
+        own=in_own_plane(_view(state, state.own, t_ns, ranges), None),
+        others={n: in_own_plane(_view(state, n, t_ns, ranges), placed[n][0]) for n in placed},
+        ranges=ranges,
         between={name: between for name, (between, _) in placed.items()},
         prior={name: prior for name, (_, prior) in placed.items()},
-        frames=frames.carried_to(state, t_ns),
+        frames=known,
     )
+
+
+def _ranges(state: State, known: Frames | None, name: str) -> dict[str, RangeErrors]:
+    """What is to be added to the ranges of each source of a carrier."""
+    return {
+        source: frames.range_errors(state, known, name, source) for source in state.sources(name)
+    }
+
+
+def _view(state: State, name: str, t_ns: int, ranges: Mapping[str, dict[str, RangeErrors]]) -> View:
+    """The tracks of a carrier, by what is known of its range errors."""
+    followed = frames.ranging_source(state, name)
+    return with_ranges(view(state, name, t_ns), ranges[name], followed)

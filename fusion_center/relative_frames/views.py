@@ -6,7 +6,7 @@ time therefore uses each plot once, carried to the instant by the velocity of it
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from dataclasses import replace as with_fields
 from typing import Any
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from estimation.arrays import Array
 from estimation.frames import on_surface, rotation_clockwise, yaw_rad
+from estimation.relative_frame.range_errors import RangeErrors
 from estimation.tracking.bank import Bank, carried
 from schemas.messages import SourceProperties
 
@@ -196,6 +197,31 @@ def _carried_over(places_m: Array, altitude_m: Array, between: Poses) -> Array:
     enu = on_surface(site(between.other), east, north, altitude_m)
     over: Array = enu @ between.own_from_other.rotation[:2].T
     return over
+
+
+def with_ranges(seen: View, errors: Mapping[str, RangeErrors], followed: str = "") -> View:
+    """A view with what is known of its sources' range errors added, and what is open as noise.
+
+    Args:
+        seen: of one carrier, along any axes.
+        errors: by source.
+        followed: the source whose errors are states of the frames: its plots stay as measured.
+    """
+    for source, ranges in errors.items():
+        if ranges.none or source not in seen.source:
+            continue
+        mine = np.array([name == source for name in seen.source])[:, None]
+        places, plots = seen.east_north_m, seen.plot_m
+        spread = np.where(mine[..., None], ranges.spread(places), 0.0)
+        seen = with_fields(
+            seen,
+            east_north_m=places + np.where(mine, ranges.added(places), 0.0),
+            covariance=seen.covariance + spread,
+        )
+        if source != followed:
+            blur = np.where(mine[..., None], ranges.spread(plots), 0.0)
+            seen = with_fields(seen, plot_covariance=seen.plot_covariance + blur)
+    return seen
 
 
 def _is_clear(places_m: Array) -> NDArray[np.bool_]:

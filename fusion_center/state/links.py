@@ -77,7 +77,7 @@ class Frames(Struct, frozen=True, kw_only=True, eq=False):
     Attributes:
         t_ns: the instant.
         carriers: whose, in the order of the rows after the own carrier's, which is the first.
-        mean: (N, 6); covariance: (6 N, 6 N).
+        mean: (N, 7); covariance: (7 N, 7 N).
         way_m: (N, 2) dead-reckoned way of each at that instant.
         heading_rad: (N,) of each bow.
         north_variance: (N,) stated for each north [rad^2].

@@ -96,7 +96,11 @@ class FixedAxes(Struct, frozen=True, kw_only=True):
 
 
 class SourceTerm(Struct, frozen=True, kw_only=True):
-    """A systematic error of one source: range_bias_m, range_scale, azimuth_bias_rad, time_s."""
+    """A systematic error of one source, what it measures less what is true.
+
+    Attributes:
+        name: range_bias_m, range_scale (a share of the range), azimuth_bias_rad, time_s.
+    """
 
     source: Id
     name: Literal["range_bias_m", "range_scale", "azimuth_bias_rad", "time_s"]

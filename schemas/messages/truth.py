@@ -51,6 +51,8 @@ class TruthCarriers(Struct, frozen=True, kw_only=True, omit_defaults=True):
         north_error_rad: bearing of the carrier's own north, clockwise from true north.
         clock_offset_s: the carrier's clock less true time.
         azimuth_bias_rad: what its first sensor adds to every bearing; empty = none adds anything.
+        range_bias_m, range_scale: what it adds to every range, in metres and as a share of the
+            range; empty = none adds anything.
     """
 
     boot: Id
@@ -65,3 +67,5 @@ class TruthCarriers(Struct, frozen=True, kw_only=True, omit_defaults=True):
     north_error_rad: list[Angle] = []
     clock_offset_s: list[Seconds] = []
     azimuth_bias_rad: list[Angle] = []
+    range_bias_m: list[Real] = []
+    range_scale: list[Real] = []

@@ -175,7 +175,7 @@ def test_targets_that_the_own_carrier_does_not_see_help_too() -> None:
     together, outputs = run(shared=True)
     apart, _ = run(shared=False)
     assert len(association(outputs[-1]).targets) == 12
-    sigma = [math.sqrt(s.frames.covariance[12, 12]) for s in (together, apart) if s.frames]
+    sigma = [math.sqrt(s.frames.covariance[14, 14]) for s in (together, apart) if s.frames]
     assert sigma[0] < 0.8 * sigma[1]
 
 

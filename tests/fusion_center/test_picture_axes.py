@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from estimation.frames import Site, east_north_from_polar, target_from_source, wrap_pi
 from estimation.relative_frame import OwnAxesFrame
-from fusion_center.picture.axes import Placed
+from estimation.relative_frame.range_errors import declared
+from fusion_center.picture.axes import Placed, Unsure
 
 ORIGIN = Site(0.62, -0.1, 0.0)
 OWN, OTHER = Site(0.6215, -0.098, 20.0), Site(0.6195, -0.103, 15.0)
@@ -18,7 +21,8 @@ def axes(*, corrected: bool) -> Placed:
     picture = target_from_source(ORIGIN, OWN)
     if not corrected:
         return Placed(OWN, OWN, None, None, picture)
-    return Placed(OTHER, OWN, target_from_source(OWN, OTHER), CORRECTION, picture)
+    unsure = Unsure(CORRECTION.covariance, {})
+    return Placed(OTHER, OWN, target_from_source(OWN, OTHER), CORRECTION, picture, unsure)
 
 
 @pytest.mark.parametrize("corrected", [False, True], ids=["own", "other"])
@@ -49,3 +53,22 @@ def test_a_corrected_carrier_is_where_its_correction_says() -> None:
     common = other.common()
     assert common is not None
     assert np.trace(common.covariance) == pytest.approx(np.trace(CORRECTION.covariance))
+
+
+@pytest.mark.parametrize("corrected", [False, True], ids=["own", "other"])
+def test_what_is_open_of_ranges_is_common_to_all_plots_of_the_source(corrected: bool) -> None:
+    """Of the own carrier too, whose frame is known; a source without ranges has none of it."""
+    ranges, errors = declared(40.0, 2e-3), np.diag([9.0, 4.0, 1e-6, 40.0**2, 2e-3**2])
+    errors[:3, :3] *= corrected
+    seen = replace(axes(corrected=corrected), unsure=Unsure(errors, {"radar": (3, ranges)}))
+    radar, camera = seen.common("b/1", "radar"), seen.common("b/1", "camera")
+    assert radar is not None
+    assert camera is not None
+    assert (radar.ranges, camera.ranges) == (3, 0)
+    for common in (radar, camera):
+        np.testing.assert_allclose(np.diag(common.covariance)[3:], np.diag(errors)[3:])
+    place = seen.place_m() + np.array([3_000.0, 4_000.0])
+    by = radar.displaces(np.array([*place, 0.0, 0.0])[:, None, None])[..., 0, 0]
+    np.testing.assert_allclose(by[:, 3:], [[0.6, 3_000.0], [0.8, 4_000.0]])
+    assert seen.ranges("radar") is ranges
+    assert seen.ranges("camera").none

@@ -68,6 +68,37 @@ def test_many_plots_of_one_carrier_know_a_place_no_better_than_its_frame() -> No
     assert np.trace(spare) < 12 * SIGMA_M**2 / 200  # the speed is found along with the place
 
 
+def test_many_plots_know_a_place_no_better_than_their_ranges() -> None:
+    """Bias and scale hang together with the frame; across the line of sight they do no harm."""
+    root = np.random.default_rng(8).normal(size=(5, 5)) / 4 + np.eye(5)
+    sigma = np.array([12.0, 15.0, 2e-3, 40.0, 3e-3])
+    errors = root @ root.T * np.outer(sigma, sigma)
+    away = TARGET - PIVOT
+    along = np.column_stack([away / np.hypot(*away), away])
+    for frame in (errors, np.diag([0.0, 0.0, 0.0, 40.0, 3e-3]) ** 2):
+        common = Common(frame, PIVOT, "b", ranges=SIZE)
+        picture = fed([common] * 100, np.random.default_rng(1))
+        by = np.hstack([displacement(TARGET, PIVOT), along])
+        spare = place_covariance(picture) - by @ frame @ by.T
+        assert np.linalg.eigvalsh(spare).min() > 0
+        assert np.trace(spare) < 12 * SIGMA_M**2 / 100
+
+
+def test_two_sources_of_a_carrier_share_its_frame_and_not_their_ranges() -> None:
+    """At rest: half of what the ranges of each leave open, and all of what the frame does."""
+    errors = np.diag([12.0, 15.0, 2e-3, 40.0, 1e-6, 40.0, 1e-6]) ** 2
+    each = [Common(errors, PIVOT, "b", ranges=first) for first in (3, 5)]
+    one, both = (
+        fed([each[0]] * 150, np.random.default_rng(1)),
+        fed(each * 75, np.random.default_rng(1)),
+    )
+    away = (TARGET - PIVOT) / np.hypot(*(TARGET - PIVOT))
+    by_frame = displacement(TARGET, PIVOT) @ FRAME @ displacement(TARGET, PIVOT).T
+    alone, together = (away @ (place_covariance(p) - by_frame) @ away for p in (one, both))
+    assert alone == pytest.approx(40.0**2, rel=0.1)
+    assert together == pytest.approx(40.0**2 / 2, rel=0.1)
+
+
 def test_a_frame_without_a_name_is_forgotten_with_its_scan() -> None:
     rng = np.random.default_rng(1)
     named, nameless = (fed([Common(FRAME, PIVOT, name)] * 200, rng) for name in ("b", ""))
