@@ -29,8 +29,8 @@ from .rays import by_target, with_report
 from .windows import Sides, scene_of
 
 NO_MANOEUVRE = (
-    "neither carrier has manoeuvred: bearings from two uniform ways fit at many ranges, "
-    "and location and orientation stay open"
+    "neither carrier has manoeuvred in the last {:g} s (passive.frames_memory_s): bearings from "
+    "two uniform ways fit at many ranges, and location and orientation stay open"
 )
 NOTHING_COMMON = "no target of both has been found among the nameless ones yet"
 NO_MOTION = "no common target moves so steadily that its bearings agree"
@@ -114,9 +114,10 @@ def _estimated(state: State, name: str, t_ns: int) -> tuple[Estimate | None, str
             targets = common or pairing.candidates(state, name, t_ns)
             if not targets:
                 return None, NOTHING_COMMON
-            scene = scene_of(state, name, t_ns, targets, state.settings.passive.frames_memory_s)
+            memory_s = state.settings.passive.frames_memory_s
+            scene = scene_of(state, name, t_ns, targets, memory_s)
             if not has_manoeuvred(scene):
-                return None, NO_MANOEUVRE
+                return None, NO_MANOEUVRE.format(memory_s)
             if not common:
                 return None, NOTHING_COMMON
             found = found_frame(scene)

@@ -178,7 +178,7 @@ def test_the_picket_is_not_placed_before_the_own_carrier_turns(run: list[Played]
     for seconds in range(60, 180, STEP_S):
         found = at(run, seconds).corrections["picket"]
         assert found.state == "observing"
-        assert found.reason.startswith("neither carrier has manoeuvred")
+        assert found.reason.startswith("neither carrier has manoeuvred in the last 600 s")
         assert found.own_axes is None
 
 
@@ -220,6 +220,23 @@ def test_its_intervals_cover_though_the_frame_is_unsure(run: list[Played]) -> No
     assert len(covered) > 20
     assert np.mean(covered) > 0.8
     assert np.median(frame_m) > 2.0  # a picket out by metres; without it they would be surer
+
+
+@pytest.mark.slow
+def test_a_frame_is_left_when_the_last_manoeuvre_is_forgotten() -> None:
+    """The hunter turns last at 450 s; 420 s later the reason is told, then no number any more."""
+    frames = {"frames_memory_s": 420, "frames_every_s": 30, "solve_every_s": 1e6}
+    settings = {"own": "hunter", "picture": {"enabled": False}, "passive": frames}
+    run = list(played(coarse(**{"time.duration_s": 940}), settings))
+    reason = "neither carrier has manoeuvred in the last 420 s"
+    applied, held, left = (at(run, seconds).corrections["picket"] for seconds in (840, 900, 940))
+    assert (applied.state, applied.reason) == ("applied", "")
+    assert held.state == "applied"
+    assert held.reason.startswith(f"the last good estimate holds: {reason}")
+    assert held.own_axes is not None
+    assert left.state == "observing"
+    assert left.reason.startswith(reason)
+    assert left.own_axes is left.fixed_axes is None
 
 
 @pytest.mark.slow
