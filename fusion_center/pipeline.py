@@ -131,14 +131,16 @@ def _fused(state: State, instant: timeline.Instant, course: Course, tally: Tally
     frames, silent = _FRAMES[state.settings.registration.method], Tally()
     news = instant.t_ns > course.until_ns or any(map(course.is_new, instant.messages))
     of_event = tally if news else silent
+
+    def of(message: Input) -> Tally:
+        return tally if course.is_new(message) else silent
+
     state = frames.before(state, instant, of_event)
     for message in instant.messages:
-        state = absorb(state, message, tally if course.is_new(message) else silent)
+        state = absorb(state, message, of(message))
     state = passive_frames.with_bearings(frames.after(state, of_event), instant)
-    state = picture.with_reports(
-        state, instant, lambda message: tally if course.is_new(message) else silent
-    )
-    return group.with_messages(passive_lines.with_bearings(state, instant), instant)
+    state = picture.with_reports(state, instant, of)
+    return group.with_messages(passive_lines.with_bearings(state, instant), instant, of)
 
 
 def _reports(batch: Batch) -> Iterator[SourceReport]:

@@ -105,6 +105,10 @@ class Tally:
         row = self._row(report.carrier, report.stream)
         row.flags["numbers beyond reason: not in the picture"] = None
 
+    def ungrouped(self, report: SourceReport, why: str) -> None:
+        """A report of a member of the group that tells nothing of the joint state."""
+        self._row(report.carrier, report.stream).flags[f"{why}: not in the joint state"] = None
+
     def late(self, message: Input) -> None:
         """A message that is not fused because it is too old."""
         self._row(message.carrier, message.stream).late += _logs_of(message)

@@ -9,7 +9,7 @@ ways of members since the instant before
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from msgspec.structs import replace
@@ -17,13 +17,14 @@ from msgspec.structs import replace
 from schemas.messages import Input, Navigation, Ranging, SourceReport
 
 from .. import timeline
+from ..quality import Tally
 from ..relative_frames.corrections import Misclosure
 from ..state import State
 from . import frames
 from .joining import with_member
 from .published import with_diagnosis
 from .ranging import finite, moved, with_fix, with_ranges
-from .sightings import with_report
+from .sightings import left_out, with_report
 
 
 def is_wanted(state: State) -> bool:
@@ -33,8 +34,14 @@ def is_wanted(state: State) -> bool:
     return state.settings.alignment.enabled and (bool(scenario.beacons) or ranging)
 
 
-def with_messages(state: State, instant: timeline.Instant) -> State:
-    """The state after what carriers said at one instant of their way, of ranges and of targets."""
+def with_messages(
+    state: State, instant: timeline.Instant, tally_of: Callable[[Input], Tally]
+) -> State:
+    """The state after what carriers said at one instant of their way, of ranges and of targets.
+
+    Args:
+        tally_of: where a message is counted.
+    """
     if not is_wanted(state):
         return state
     said = [m for m in instant.messages if _is_of_this_life(state, m)]
@@ -45,7 +52,13 @@ def with_messages(state: State, instant: timeline.Instant) -> State:
             after = _with_messages(state, instant.t_ns, said)
         except (np.linalg.LinAlgError, ValueError):
             return replace(state, group=None)
-    return after if finite(after.group) else replace(after, group=None)
+    if after.group is None or not finite(after.group):
+        return replace(after, group=None)
+    members = after.group.members
+    for report in (m for m in said if isinstance(m, SourceReport) and m.carrier in members):
+        if why := left_out(report):
+            tally_of(report).ungrouped(report, why)
+    return after
 
 
 def _is_of_this_life(state: State, message: Input) -> bool:

@@ -56,7 +56,8 @@ def with_fix(state: State, group: Group, message: Navigation) -> Group:
     member = group.members[message.carrier]
     age_s = (message.t_ns - member.fixed_t_ns) * NS
     stated = frame_covariance(message.pose, state.declared(message.carrier))
-    renewed = age_s > 0 and age_s >= _RENEWED * message.correlation_time_s
+    lasts_s = message.correlation_time_s  # 0: for ever, as the pose did with which it joined
+    renewed = lasts_s > 0 and age_s >= _RENEWED * lasts_s
     if message.kind != "fix" or not renewed or stated is None:
         return group
     there = whereabouts(state, message.carrier, message.t_ns)

@@ -55,9 +55,9 @@ def with_report(
     state: State, group: Group, report: SourceReport
 ) -> tuple[Group, dict[str, Misclosure]]:
     """A group with the logs of one report; how they misclose, by carrier."""
+    if left_out(report):
+        return group, {}
     properties = state.sources(report.carrier).get(report.stream, SourceProperties())
-    if report.kind is not None and any(kind and kind != "plot" for kind in report.kind):
-        return group, {}  # tracks of a source err alike from report to report
     logs = list(_logs(state, group, report, properties))
     if not logs:
         return group, {}
@@ -75,6 +75,13 @@ def with_report(
     group, misclosure = _improved(state, group, known, report.t_ns)
     fresh = [s for s in sightings if s.target not in group.targets]
     return _with_new(state, group, fresh, report.t_ns), {report.carrier: misclosure}
+
+
+def left_out(report: SourceReport) -> str:
+    """Why none of the logs of a report tells of the joint state, in words; empty: they may."""
+    if any(kind and kind != "plot" for kind in report.kind or ()):
+        return "tracks, which err alike from report to report"
+    return "bearings without ranges" if report.bearing_rad and not report.range_m else ""
 
 
 def _improved(

@@ -92,6 +92,11 @@ def test_a_fix_counts_once_in_its_correlation_time(played_on: Played) -> None:
     assert with_fix(state, taken, fix(state, 20, 29)) is taken
 
 
+def test_fixes_whose_error_is_constant_say_no_more_than_the_first_pose(played_on: Played) -> None:
+    state = fixed(played_on)
+    assert with_fix(state, group_of(state), fix(state, 1000, 0)) is group_of(state)
+
+
 def wrong_ranges(state: State, off_m: float) -> list[Ranging]:
     newest = state.carriers["three"].navigation[-1]
     return [

@@ -18,7 +18,7 @@ from fusion_center.relative_frames.links import navigated
 from fusion_center.settings import settings_from
 from fusion_center.state import State, pack, unpack
 from schemas import codec
-from schemas.messages import Alignment, Correction, Input, Ranging, SourceReport
+from schemas.messages import Alignment, Correction, Input, Quality, Ranging, SourceReport
 from sim_world.scenario import Scenario, load_scenario, with_overrides
 from tests.fusion_center.scenes import closed
 
@@ -286,6 +286,24 @@ def test_absurd_ranges_and_sigmas_end_in_numbers_or_in_nothing(sigma: float, val
         for out in outputs:
             codec.decode(type(out.message), codec.encode(out.message))
     assert state.group is None or np.isfinite(state.group.covariance).all()
+
+
+def test_sources_that_tell_nothing_of_the_joint_state_are_named() -> None:
+    """Tracks of a source, and bearings without ranges."""
+    scenario = with_seed(1, **{"carriers.two.sensors.radar.tracking": {"report": "track"}})
+
+    def without_ranges(message: Input) -> Input:
+        if isinstance(message, SourceReport) and message.carrier == "three":
+            return replace(message, range_m=None, sigma_range_m=None)
+        return message
+
+    flags: dict[str, str] = {}
+    for step in played(scenario, steps=15, heard=without_ranges):
+        quality = next(out.message for out in step.outputs if isinstance(out.message, Quality))
+        flags |= {row.carrier: row.flag for row in quality.sources if row.source == "radar"}
+    assert "joint state" not in flags["one"]
+    assert "tracks, which err alike from report to report: not in the joint state" in flags["two"]
+    assert "bearings without ranges: not in the joint state" in flags["three"]
 
 
 def test_members_and_targets_are_bounded(whole: Played) -> None:
