@@ -330,10 +330,11 @@ def test_closing_is_final_and_never_raises(network) -> None:
 def test_what_was_published_before_the_close_arrives(network) -> None:
     receiver = network.bus("b")
     inbox = subscribed(receiver, "law/last")
+    count = 10  # within 64 kB, which Zenoh takes however busy the machine is; of more it may drop
     with network.bus("a") as sender:
-        for _ in range(20):
+        for _ in range(count):
             sender.publish("law/last", bytes(5000), "", DATA)
-    assert len(take(inbox, 20)) == 20
+    assert len(take(inbox, count)) == count
 
 
 def test_a_bus_is_a_context(network) -> None:
