@@ -22,8 +22,8 @@ from estimation.bearings_only.fitting import (
     grid_of,
     taken,
 )
-from estimation.bearings_only.levenberg_marquardt import Minimum
 from estimation.bearings_only.linear_algebra import cholesky, log_determinant
+from estimation.bearings_only.marginal import Searched
 from estimation.bearings_only.measurements import Scene
 from estimation.bearings_only.motions import FAMILY, THREE_LEGS, Motion
 from estimation.bearings_only.normal_equations import Loss, products, residuals
@@ -46,6 +46,7 @@ class Hypothesis(NamedTuple):
         dof: (B,) bearings that count less the parameters that they, not the prior, determine.
         aided: 1 / range at the last bearing.
         alone: the same with the sigma as if the prior said nothing of metres.
+        searched, rank: of which descents it is an end, and which end.
     """
 
     columns: NDArray[np.int_]
@@ -54,6 +55,8 @@ class Hypothesis(NamedTuple):
     dof: Array
     aided: InverseRange
     alone: InverseRange
+    searched: Searched
+    rank: int
 
 
 def hypotheses(
@@ -101,17 +104,14 @@ def modes(
     Turns at quite different times may explain the same bearings, at different ranges.
     """
     found = ends(problem, begun(problem, grid, clean), search)
-    first = hypothesis(problem, found[0], np.arange(problem.scene.targets), doubt)
-    others = [(end, distinct(problem, found, rank)) for rank, end in enumerate(found) if rank]
-    return [first] + [
-        hypothesis(problem.take(columns), taken(end, columns), columns, doubt)
-        for end, columns in others
-        if len(columns)
-    ]
+    everyone = np.arange(problem.scene.targets)
+    ranked = [(0, everyone)] + [(k, distinct(problem, found, k)) for k in range(1, len(found))]
+    searched = Searched(problem, found)
+    return [hypothesis(searched, rank, columns, doubt) for rank, columns in ranked if len(columns)]
 
 
 def hypothesis(
-    problem: Criterion, end: Minimum, columns: NDArray[np.int_], doubt: FrameDoubt | None = None
+    searched: Searched, rank: int, columns: NDArray[np.int_], doubt: FrameDoubt | None = None
 ) -> Hypothesis:
     """A maximum of the posterior of one motion and its evidence by Laplace's approximation.
 
@@ -121,6 +121,7 @@ def hypothesis(
 
     Source: D. MacKay, Information Theory, Inference and Learning Algorithms, chapter 28.
     """
+    problem, end = searched.problem.take(columns), taken(searched.ends[rank], columns)
     prior = problem.prior or MotionPrior()
     rows = prior_rows(problem.scene, problem.motion, prior, end.p)
     volume = products(rows.residual, rows.jacobian)[1]
@@ -153,7 +154,8 @@ def hypothesis(
         estimate = estimate._replace(information=told)
     alone = estimate._replace(information=unaided).inverse_range()
     log_evidence = np.where(ok, log_evidence + np.log(problem.motion.odds), -np.inf)
-    return Hypothesis(columns, estimate, log_evidence, dof, estimate.inverse_range(), alone)
+    aided = estimate.inverse_range()
+    return Hypothesis(columns, estimate, log_evidence, dof, aided, alone, searched, rank)
 
 
 def second_turns(first: Array) -> Array:

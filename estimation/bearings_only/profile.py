@@ -33,7 +33,7 @@ class Ranges(NamedTuple):
     high_m: Array
 
 
-class _Held(NamedTuple):
+class Held(NamedTuple):
     """A criterion with 1 / range held at a value (B,), as firmly as `sigma` says."""
 
     free: Criterion
@@ -57,9 +57,9 @@ class _Held(NamedTuple):
         """As of the free criterion."""
         return self.free.gauge(p)
 
-    def take(self, columns: NDArray[np.int_]) -> _Held:
+    def take(self, columns: NDArray[np.int_]) -> Held:
         """The same for some of the targets."""
-        return _Held(self.free.take(columns), self.inverse_range[columns], self.sigma[columns])
+        return Held(self.free.take(columns), self.inverse_range[columns], self.sigma[columns])
 
 
 def likely_ranges(found: Estimate, loss: Loss | None = None) -> Ranges:
@@ -87,7 +87,7 @@ def _end(free: Criterion, found: Estimate, side: float) -> Array:
     away, p = np.full_like(best, SIGMAS), found.p
     for _ in range(_ROUNDS):
         at = best + side * away * sigma
-        p = minimised(_Held(free, at, _FIRM * sigma), p, _STEPS).p
+        p = minimised(Held(free, at, _FIRM * sigma), p, _STEPS).p
         value = inverse_range_at(found.scene, found.motion, p)[0]
         here = side * (value - best) / sigma
         root = np.sqrt(np.maximum(free.evaluate(p).cost - least, 0.0))

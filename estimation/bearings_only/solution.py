@@ -6,6 +6,7 @@ needs no rollback.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -13,12 +14,13 @@ from scipy.special import ndtr
 
 from estimation.arrays import Array
 from estimation.bearings_only.estimate import Estimate, LineOfSight, State
+from estimation.bearings_only.marginal import NORMAL, Roots
 
 Status: TypeAlias = Literal["determined", "weak", "undetermined"]
 
 DETERMINED, WEAK = 0.1, 0.5  # sd(1/R) R
 COUNTS = 0.005  # weight from which a motion is mixed in
-_HALVINGS = 60
+_HALVINGS = 40
 
 
 class Interval(NamedTuple):
@@ -134,23 +136,33 @@ def status_of(relative_sigma: float) -> Status:
     return "weak" if relative_sigma < WEAK else "undetermined"
 
 
-def mixture_interval(weights: Array, means: Array, sigmas: Array) -> Interval:
-    """95 % of a mixture of Gaussians in 1/R, as an interval of ranges.
+def mixture_interval(
+    weights: Array, means: Array, sigmas: Array, marginals: Sequence[Roots] | None = None
+) -> Interval:
+    """95 % of a mixture in 1/R, as an interval of ranges.
 
     Args:
         weights, means, sigmas: (K,) of 1/R [1/m].
+        marginals: (K) how each falls off about its mean; None: as Gaussians.
     """
-    low, high = (_quantile(weights, means, sigmas, level) for level in (0.025, 0.975))
+    marginals = marginals or [NORMAL] * len(means)
+    at = [m + s * r.sigmas for m, s, r in zip(means, sigmas, marginals, strict=True)]
+    nodes = np.unique(np.concatenate(at))
+    roots = np.stack([np.interp(nodes, x, r.root) for x, r in zip(at, marginals, strict=True)])
+    low, high = (_quantile(weights, nodes, roots, level) for level in (0.025, 0.975))
     return Interval(1 / high if high > 0 else np.inf, 1 / low if low > 0 else np.inf)
 
 
-def _quantile(weights: Array, means: Array, sigmas: Array, level: float) -> float:
-    low, high = float((means - 9 * sigmas).min()), float((means + 9 * sigmas).max())
+def _quantile(weights: Array, nodes: Array, roots: Array, level: float) -> float:
+    """Where the mixture of normal roots (K, N), straight between nodes (N,), has a level."""
+    after = int(np.clip(np.searchsorted(weights @ ndtr(roots), level), 1, len(nodes) - 1))
+    begin, change = roots[:, after - 1], roots[:, after] - roots[:, after - 1]
+    low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        below = float(weights @ ndtr((middle - means) / (sigmas + 1e-300)))
-        low, high = (middle, high) if below < level else (low, middle)
-    return (low + high) / 2
+        below = weights @ ndtr(begin + middle * change) < level
+        low, high = (middle, high) if below else (low, middle)
+    return float(nodes[after - 1] + middle * (nodes[after] - nodes[after - 1]))
 
 
 def unknown(used: int, last_s: float) -> Solution:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from estimation.arrays import Array
 from estimation.bearings_only.doubt import FrameDoubt
 from estimation.bearings_only.estimate import Estimate, LineOfSight
 from estimation.bearings_only.family import Hypothesis, hypotheses, three_legs
+from estimation.bearings_only.marginal import NORMAL, Roots, roots
 from estimation.bearings_only.measurements import Bearings, Scene, scene_of
 from estimation.bearings_only.motions import FAMILY, FINITE_TURN, Motion
 from estimation.bearings_only.normal_equations import Loss
@@ -28,7 +29,7 @@ from estimation.bearings_only.solution import (
 )
 
 ALARM = 0.01  # p value of the winner below which its motion is not believed
-_DOUBTFUL = 0.1  # and below which more turns are tried: a turn left out may well pass for chance
+_DOUBTFUL = 0.2  # and below which more turns are tried: a turn left out may well pass for chance
 _BLOCK = 64
 
 
@@ -85,7 +86,7 @@ def solve_many(
             for h in more:
                 for column, target in enumerate(h.columns):
                     fits[some[target]].append(_Fit(h, column))
-        return [_judged(tried, scene, i) for i, tried in enumerate(fits)]
+        return _judged(scene, fits)
 
 
 class _Fit(NamedTuple):
@@ -153,34 +154,76 @@ def _turns(fits: Sequence[Sequence[_Fit]]) -> Array | None:
     return np.stack(found, axis=1) if len(found) == len(fits) else None
 
 
-def _judged(tried: list[_Fit], scene: Scene, column: int) -> Solution:
-    """The solution of one target from all its fits."""
-    last_s = float(_of(scene.middle_s, column) + _of(scene.half_span_s * scene.time[-1], column))
-    used = int(scene.seen[column])
-    if used == 0 or not np.isfinite(_best(tried).log_evidence):
-        return unknown(used, last_s)
+class _Weighed(NamedTuple):
+    """The fits of a target that count, by their shares; and all motions that were tried."""
+
+    fits: list[_Fit]
+    shares: Array
+    candidates: tuple[Candidate, ...]
+
+
+def _judged(scene: Scene, fits: Sequence[list[_Fit]]) -> list[Solution]:
+    """The solutions of all targets from all their fits."""
+    weighed = [_weighed(tried) if scene.seen[i] else None for i, tried in enumerate(fits)]
+    marginals = _marginals([fit for one in weighed if one for fit in one.fits])
+    return [
+        unknown(int(scene.seen[i]), _last_s(scene, i))
+        if one is None
+        else _solution(one, [next(marginals) for _ in one.fits], scene, i)
+        for i, one in enumerate(weighed)
+    ]
+
+
+def _weighed(tried: list[_Fit]) -> _Weighed | None:
+    """What counts of a target; None where nothing came to an end."""
+    if not np.isfinite(_best(tried).log_evidence):
+        return None
     tried, weights, candidates = _ranked(tried)
     counts = weights >= COUNTS
     counts[0] = True
-    heavy, shares = (
-        [tried[i] for i in np.flatnonzero(counts)],
-        weights[counts] / weights[counts].sum(),
-    )
-    estimates = [fit.estimate() for fit in heavy]
+    shares = weights[counts] / weights[counts].sum()
+    return _Weighed([tried[i] for i in np.flatnonzero(counts)], shares, candidates)
+
+
+def _marginals(fits: Sequence[_Fit]) -> Iterator[Roots]:
+    """Of each fit, those of one search asked together."""
+    together: dict[int, list[_Fit]] = {}
+    for fit in fits:
+        together.setdefault(id(fit.hypothesis.searched), []).append(fit)
+    found = {key: iter(_asked(some)) for key, some in together.items()}
+    return (next(found[id(fit.hypothesis.searched)]) for fit in fits)
+
+
+def _asked(fits: Sequence[_Fit]) -> list[Roots]:
+    """Of fits of one search."""
+    rank = np.array([fit.hypothesis.rank for fit in fits])
+    columns = np.array([fit.hypothesis.columns[fit.column] for fit in fits])
+    sigmas, root = roots(fits[0].hypothesis.searched, rank, columns)
+    return [Roots(sigmas, one) for one in root.T]
+
+
+def _solution(one: _Weighed, marginals: Sequence[Roots], scene: Scene, column: int) -> Solution:
+    """The solution of one target from the fits that count."""
+    estimates = [fit.estimate() for fit in one.fits]
     line = estimates[0].line_of_sight().one()
-    relative, interval = _spread(heavy, shares)
+    relative, interval = _spread(one, marginals)
     return Solution(
         status_of(relative),
         relative,
         interval,
         line,
         velocity_family(estimates[0], line),
-        candidates,
-        tried[0].p_value < ALARM,
-        used,
-        last_s,
-        tuple(zip(shares.tolist(), estimates, strict=True)),
+        one.candidates,
+        one.fits[0].p_value < ALARM,
+        int(scene.seen[column]),
+        _last_s(scene, column),
+        tuple(zip(one.shares.tolist(), estimates, strict=True)),
     )
+
+
+def _last_s(scene: Scene, column: int) -> float:
+    """When the last bearing of a target was taken."""
+    return float(_of(scene.middle_s, column) + _of(scene.half_span_s * scene.time[-1], column))
 
 
 def _ranked(tried: list[_Fit]) -> tuple[list[_Fit], Array, tuple[Candidate, ...]]:
@@ -205,16 +248,17 @@ def _ranked(tried: list[_Fit]) -> tuple[list[_Fit], Array, tuple[Candidate, ...]
     return [tried[i] for i in order], weights[order], candidates
 
 
-def _spread(tried: Sequence[_Fit], shares: Array) -> tuple[float, Interval]:
+def _spread(one: _Weighed, marginals: Sequence[Roots]) -> tuple[float, Interval]:
     """sd(1/R) R of the winner, and the interval of all; undetermined: both without the prior."""
-    means = np.array([fit.hypothesis.aided.value[fit.column] for fit in tried])
-    sigmas = np.array([fit.hypothesis.aided.sigma[fit.column] for fit in tried])
-    alone = np.array([fit.hypothesis.alone.sigma[fit.column] for fit in tried])
-    spread = np.sqrt(shares @ (sigmas**2 + (means - means[0]) ** 2))
+    means = np.array([fit.hypothesis.aided.value[fit.column] for fit in one.fits])
+    sigmas = np.array([fit.hypothesis.aided.sigma[fit.column] for fit in one.fits])
+    alone = np.array([fit.hypothesis.alone.sigma[fit.column] for fit in one.fits])
+    spread = np.sqrt(one.shares @ (sigmas**2 + (means - means[0]) ** 2))
     relative = float(np.nan_to_num(max(spread, alone[0]) / means[0], nan=np.inf))
     if status_of(relative) == "undetermined":
-        sigmas = alone
-    return relative, mixture_interval(shares, means, np.nan_to_num(sigmas, nan=1.0, posinf=1.0))
+        sigmas, marginals = alone, [NORMAL] * len(means)
+    sigmas = np.nan_to_num(sigmas, nan=1.0, posinf=1.0)
+    return relative, mixture_interval(one.shares, means, sigmas, marginals)
 
 
 def velocity_family(estimate: Estimate, line: LineOfSight) -> VelocityFamily:
