@@ -60,7 +60,7 @@ def rules_for(settings: Settings) -> Rules[Picture, Scan]:
 def held(picture: Picture) -> int:
     """Bytes of the arrays of a picture."""
     tracks, unseen = picture.tracks, picture.undetected
-    known = (tracks.classes, *tracks.features)
+    known = (tracks.classes, *tracks.features, tracks.aside)
     arrays = (tracks.identity, tracks.existence, *tracks.bank, *known, *unseen[1:])
     return sum(array.nbytes for array in arrays)
 
@@ -73,6 +73,7 @@ def same(first: Picture, second: Picture) -> bool:
             (first.tracks[:2], second.tracks[:2]),
             (first.tracks.bank, second.tracks.bank),
             ((first.tracks.classes,), (second.tracks.classes,)),
+            ((first.tracks.aside,), (second.tracks.aside,)),
             (first.tracks.features, second.tracks.features),
             (first.undetected[1:], second.undetected[1:]),
         )

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.arrays import Array, Indices
-from estimation.tracking import features, imm
+from estimation.tracking import aside, features, imm
 from estimation.tracking.features import Features, Layout, Said
 from estimation.tracking.imm import Bank
 from estimation.tracking.marginals import Candidates, Marginals
@@ -38,6 +38,7 @@ class Tracks(NamedTuple):
         bank: states.
         classes: (classes, n) probabilities, given that it exists.
         features: what else is known of it.
+        aside: (6, n) what readings that hardly move it say, see `aside`.
     """
 
     identity: Indices
@@ -45,12 +46,14 @@ class Tracks(NamedTuple):
     bank: Bank
     classes: Array
     features: Features
+    aside: Array
 
     def take(self, which: Indices) -> Tracks:
         """The tracks `which`, in that order."""
         classes = np.take(self.classes, which, axis=-1)
         bank, known = self.bank.take(which), self.features.take(which)
-        return Tracks(self.identity[which], self.existence[which], bank, classes, known)
+        said = np.take(self.aside, which, axis=-1)
+        return Tracks(self.identity[which], self.existence[which], bank, classes, known, said)
 
 
 class Pairs(NamedTuple):
@@ -87,7 +90,8 @@ class Pairs(NamedTuple):
 def none(classes: int, layout: Layout, models: int = 2) -> Tracks:
     """No tracks."""
     nobody, known = np.empty(0, dtype=np.intp), features.unknown(layout, 0)
-    return Tracks(nobody, np.empty(0), imm.empty(models), np.empty((classes, 0)), known)
+    bank, said = imm.empty(models), aside.unheard(0)
+    return Tracks(nobody, np.empty(0), bank, np.empty((classes, 0)), known, said)
 
 
 def joined(*parts: Tracks) -> Tracks:
@@ -98,6 +102,7 @@ def joined(*parts: Tracks) -> Tracks:
         imm.joined(*(part.bank for part in parts)),
         np.concatenate([part.classes for part in parts], axis=-1),
         features.joined(*(part.features for part in parts)),
+        np.concatenate([part.aside for part in parts], axis=-1),
     )
 
 
@@ -173,7 +178,8 @@ def updated(
     bank = _folded(tracks.bank, pairs, share)
     classes = tracks.classes * stay + sums.of(pairs.classes * share)
     known = tracks.features if said is None else _told(tracks, pairs, share, said)
-    folds = Tracks(tracks.identity, np.minimum(existence, 1.0), bank, classes, known)
+    surely = np.minimum(existence, 1.0)
+    folds = Tracks(tracks.identity, surely, bank, classes, known, tracks.aside)
     return _torn(tracks, folds, pairs, share, said)
 
 
@@ -188,12 +194,17 @@ def _torn(
     row, whole = some.track, folds.take(some.track)
     left = np.maximum(whole.classes - some.classes * part, 0.0)
     rest = whole._replace(
-        existence=whole.existence * (1.0 - part), bank=apart.rest, classes=left / left.sum(axis=0)
+        existence=whole.existence * (1.0 - part),
+        bank=apart.rest,
+        classes=left / left.sum(axis=0),
+        aside=aside.unheard(len(row)),
     )
     known = whole.features
     if said is not None:
         known = features.after(tracks.features, said, row, some.plot)
-    torn_off = Tracks(whole.identity, whole.existence * part, apart.lead, some.classes, known)
+    torn_off = whole._replace(
+        existence=whole.existence * part, bank=apart.lead, classes=some.classes, features=known
+    )
     return _with(folds, row, torn_off), rest
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.arrays import Array
-from estimation.tracking import bernoulli, features, imm, undetected
+from estimation.tracking import aside, bernoulli, features, imm, undetected
 from estimation.tracking.bernoulli import Tracks
 from estimation.tracking.coverage import share_in_view
 from estimation.tracking.features import Features, Layout
@@ -76,7 +76,8 @@ def _fresh(
         bank = corrected(bank, expects, extra)
     prior = np.repeat(classes[:, None], scan.plots.size, axis=-1)
     posterior, told = bernoulli.judged(prior, scan.evidence, every)
-    return Tracks(every, fitness, bank, posterior, _known(scan, layout)), fitness * told
+    known, said = _known(scan, layout), aside.unheard(len(every))
+    return Tracks(every, fitness, bank, posterior, known, said), fitness * told
 
 
 def _known(scan: Scan, layout: Layout) -> Features:

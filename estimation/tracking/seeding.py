@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from estimation.arrays import Array
-from estimation.tracking import bernoulli, features
+from estimation.tracking import aside, bernoulli, features
 from estimation.tracking.bernoulli import Tracks
 from estimation.tracking.frame_errors import begun
 from estimation.tracking.imm import Bank, bare
@@ -26,7 +26,8 @@ def seeded(
     bank = _of_one(mean, covariance, settings.motion.models)
     bank = begun(bank, None, picture.tracks.bank.shared.shape[1])
     known = features.unknown(settings.features, 1)
-    new = Tracks(np.array([picture.begun]), np.array([existence]), bank, classes, known)
+    name, sure = np.array([picture.begun]), np.array([existence])
+    new = Tracks(name, sure, bank, classes, known, aside.unheard(1))
     return picture._replace(tracks=bernoulli.joined(picture.tracks, new), begun=picture.begun + 1)
 
 
@@ -40,7 +41,9 @@ def restated(picture: Picture, identity: int, mean: Array, covariance: Array) ->
     shared = bank.shared.copy()
     shared[..., row] = 0.0
     restated_bank = bank._replace(mean=means, covariance=covariances, shared=shared)
-    return picture._replace(tracks=picture.tracks._replace(bank=restated_bank))
+    said = picture.tracks.aside.copy()
+    said[:, row] = 0.0
+    return picture._replace(tracks=picture.tracks._replace(bank=restated_bank, aside=said))
 
 
 def _of_one(mean: Array, covariance: Array, models: int) -> Bank:

@@ -17,7 +17,7 @@ import numpy as np
 
 from estimation.arrays import Array, Indices
 from estimation.object_count import Count, object_count
-from estimation.tracking import bernoulli, frame_errors, imm, undetected
+from estimation.tracking import aside, bernoulli, frame_errors, imm, undetected
 from estimation.tracking.bernoulli import Pairs, PairTerm, Tracks
 from estimation.tracking.births import alone
 from estimation.tracking.features import Layout
@@ -30,6 +30,7 @@ from estimation.tracking.undetected import Region, Undetected
 _SUREST = 0.999  # no sensor sees more surely: a miss must not be impossible
 _FAINT = 0.1  # existence below which what is left of a torn track is none
 _MISSED = 0.5  # probability from which a track is said to have had no plot
+_SURELY = 0.5  # probability from which a plot is taken for a track's, so that it has at most one
 
 
 class Settings(NamedTuple):
@@ -140,10 +141,13 @@ def step(
     candidates = bernoulli.candidates(now.tracks, pairs, detection, lone.density)
     marginals = settings.associate(candidates)
     old, rest = bernoulli.updated(now.tracks, pairs, marginals, detection, scan.features)
+    right = pairs.ends.take(np.flatnonzero(marginals.pair > _SURELY))
+    old = old._replace(aside=aside.heard(old.aside, now.tracks.bank, scan, right))
     new, begun = _named(lone.tracks, marginals.plot_alone, now.begun, settings.pruned)
     errors = now.tracks.bank.shared.shape[1]
     new = new._replace(bank=frame_errors.begun(new.bank, scan.common, errors))
     lost = undetected.vague(settings.region, spread) & (marginals.track_alone > _MISSED)
+    lost |= aside.elsewhere(old.aside)
     kept = old.take(np.flatnonzero((old.existence >= settings.pruned) & ~lost))
     hidden = undetected.returned(lone.undetected, place[:, lost], old.existence[lost])
     first = now.begun + len(new.identity)

@@ -143,7 +143,7 @@ def _sane(picture: Picture) -> Picture:
     finite &= np.isfinite(bank.covariance).all(axis=(0, 1, 2))
     finite &= np.isfinite(bank.shared).all(axis=(0, 1, 2))
     finite &= np.isfinite(picture.tracks.existence)
-    for part in picture.tracks.features:
+    for part in (*picture.tracks.features, picture.tracks.aside):
         finite &= np.isfinite(part).all(axis=0)
     if finite.all():
         return picture

@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from estimation.arrays import Array
+from estimation.tracking.aside import unheard
+from estimation.tracking.bernoulli import Tracks
+from estimation.tracking.features import Layout, unknown
 from estimation.tracking.imm import Bank, bare
 from estimation.tracking.measurements import (
     Measurement,
@@ -27,6 +30,13 @@ def some_bank(rng: np.random.Generator, count: int, half_m: float = 20e3, models
     covariance = np.moveaxis(np.swapaxes(root, -1, -2) @ root, (2, 3, 0, 1), (0, 1, 2, 3))
     share = rng.uniform(0.05, 0.95, (models, count))
     return bare(mean, covariance, share / share.sum(axis=0))
+
+
+def tracks_of(bank: Bank) -> Tracks:
+    """Tracks that surely exist, of which nothing else is known."""
+    n = bank.model.shape[-1]
+    known = unknown(Layout(), n)
+    return Tracks(np.arange(n), np.ones(n), bank, np.ones((1, n)), known, unheard(n))
 
 
 def plots_of(kind: str, rng: np.random.Generator, place_m: Array) -> Measurement:

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from estimation.tracking import bernoulli, pairing
-from estimation.tracking.bernoulli import Tracks
-from estimation.tracking.features import Layout, unknown
 from estimation.tracking.innovations import Common, foretold, innovations
 from estimation.tracking.measurements import polar
 from estimation.tracking.pairing import folded, paired
 from estimation.tracking.scan import Scan, View
-from tests.estimation.tracking.states import KINDS, SITE, plots_of, some_bank
+from tests.estimation.tracking.states import KINDS, SITE, plots_of, some_bank, tracks_of
 
 GATE = 16.0
 
@@ -27,7 +25,7 @@ def test_no_pair_within_the_gate_is_missed(kind: str, with_common: bool, half_m:
     bank = bank._replace(mean=bank.mean + np.pad(SITE, (0, 2))[:, None, None])
     plots = plots_of(kind, rng, bank.mean[:2, 0].T)
     common = Common(np.diag([50.0, 40.0, 5e-3]) ** 2, SITE) if with_common else None
-    tracks = Tracks(np.arange(60), np.ones(60), bank, np.ones((1, 60)), unknown(Layout(), 60))
+    tracks = tracks_of(bank)
     scan = Scan(0, plots, View(SITE), 0.9, 1e-8, common)
     found = bernoulli.gated(tracks, scan, GATE)
     track, plot = (axis.ravel() for axis in np.mgrid[:60, :60])
@@ -44,9 +42,7 @@ def test_no_pair_within_the_gate_is_missed(kind: str, with_common: bool, half_m:
 def test_without_plots_or_tracks_there_are_no_pairs() -> None:
     rng = np.random.default_rng(1)
     for n, m in ((0, 3), (3, 0), (0, 0)):
-        tracks = Tracks(
-            np.arange(n), np.ones(n), some_bank(rng, n), np.ones((1, n)), unknown(Layout(), n)
-        )
+        tracks = tracks_of(some_bank(rng, n))
         for kind in KINDS:
             scan = Scan(0, plots_of(kind, rng, rng.normal(0, 1e4, (m, 2))), View(SITE), 0.9, 1e-8)
             assert bernoulli.gated(tracks, scan, GATE).track.size == 0
