@@ -93,10 +93,15 @@ class PictureSettings(Struct, frozen=True, kw_only=True):
         float, _positive("spectral density of the acceleration of a target on rails or moored", 1e6)
     ] = 1e-4
     quiet_m2ps3: Annotated[float, _positive("the same of one that goes straight", 1e6)] = 0.02
-    turning_m2ps3: Annotated[float, _positive("the same of a ship that turns", 1e6)] = 2.0
-    manoeuvring_m2ps3: Annotated[float, _positive("the same of whatever manoeuvres hard", 1e6)] = (
-        20.0
-    )
+    turning_rad2ps: Annotated[
+        float, _positive("spectral density of the turn rate of a target that turns", 1e3)
+    ] = 0.005
+    hastening_ps: Annotated[
+        float, _positive("the same of the relative change of its speed", 1e3)
+    ] = 0.001
+    manoeuvring_m2ps3: Annotated[
+        float, _positive("of the acceleration of what manoeuvres hard", 1e6)
+    ] = 20.0
     sigma_speed_mps: Annotated[float, _positive("per axis, of a target just found", 1e5)] = 50.0
     lifetime_s: Annotated[
         float, _positive("mean time from a target's appearing to its vanishing", 1e9)

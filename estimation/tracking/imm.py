@@ -2,7 +2,8 @@
 
 A state is (east, north, east rate, north rate) in the picture frame. All models move with constant
 velocity under white acceleration noise, faint for straight motion and strong for manoeuvres; the
-probability of each is carried along (interacting multiple models).
+probability of each is carried along (interacting multiple models). What a turn or a change of speed
+does to a target grows with its velocity, so noise may as well be of its turn rate and of its speed.
 Arrays are (4, models, n): component, model, track; numpy then works on long rows, and what
 differs between one target and a hundred thousand is the length of the rows.
 """
@@ -29,12 +30,16 @@ class Motion(NamedTuple):
         louder_s: (models - 1,) mean time [s] until a target moves in the next louder way.
         quieter_s: (models - 1,) mean time until one that does falls back.
         sigma_speed_mps: one sigma of each velocity component of a target just found.
+        turning: (models,) spectral density [rad^2/s] of a white turn rate; empty = none turns so.
+        hastening: (models,) spectral density [1/s] of a white relative change of speed; likewise.
     """
 
     noise: tuple[float, ...] = (1.0, 300.0)
     louder_s: tuple[float, ...] = (60.0,)
     quieter_s: tuple[float, ...] = (10.0,)
     sigma_speed_mps: float = 150.0
+    turning: tuple[float, ...] = ()
+    hastening: tuple[float, ...] = ()
 
     @property
     def models(self) -> int:
@@ -171,18 +176,42 @@ def _mix(means: Array, covariances: Array, share: Array, mean: Array, covariance
 
 def _moved(bank: Bank, dt_s: float, motion: Motion) -> Bank:
     """Constant velocity under white acceleration noise, by blocks of F P F' + Q."""
+    noise = _noise(bank, motion)
     mean, covariance = bank.mean.copy(), bank.covariance.copy()
     mean[_PLACE] += dt_s * mean[_RATE]
     covariance[_PLACE] += dt_s * covariance[_RATE]
     covariance[:, _PLACE] += dt_s * covariance[:, _RATE]
-    noise = np.asarray(motion.noise, dtype=float)[:, None]
-    for k in (0, 1):
-        covariance[k, k] += noise * (dt_s**3 / 3)
-        covariance[k, k + 2] += noise * (dt_s**2 / 2)
-        covariance[k + 2, k] += noise * (dt_s**2 / 2)
-        covariance[k + 2, k + 2] += noise * dt_s
+    covariance[_PLACE, _PLACE] += noise * (dt_s**3 / 3)
+    covariance[_PLACE, _RATE] += noise * (dt_s**2 / 2)
+    covariance[_RATE, _PLACE] += noise * (dt_s**2 / 2)
+    covariance[_RATE, _RATE] += noise * dt_s
     shared = bank.shared
     if shared.size:
         shared = shared.copy()
         shared[_PLACE] += dt_s * shared[_RATE]
     return Bank(mean, covariance, bank.model, shared)
+
+
+def _noise(bank: Bank, motion: Motion) -> Array:
+    """Spectral densities (2, 2, models, n) of the acceleration [m^2/s^3].
+
+    A turn rate w and a relative change of speed h accelerate a target of velocity v by w J v + h v,
+    J a quarter turn: with white w and h, densities t and s, by t J E[v v'] J' + s E[v v'].
+    """
+    noise = np.zeros((2, 2, *bank.model.shape))
+    for k in (0, 1):
+        noise[k, k] = np.asarray(motion.noise, dtype=float)[:, None]
+    if motion.turning or motion.hastening:
+        rate = bank.mean[_RATE]
+        squared = bank.covariance[_RATE, _RATE] + rate[:, None] * rate
+        turning, hastening = (
+            np.asarray(each or np.zeros(motion.models))[:, None]
+            for each in (motion.turning, motion.hastening)
+        )
+        across = turning * squared
+        noise += hastening * squared
+        noise[0, 0] += across[1, 1]
+        noise[1, 1] += across[0, 0]
+        noise[0, 1] -= across[0, 1]
+        noise[1, 0] -= across[1, 0]
+    return noise

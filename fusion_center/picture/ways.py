@@ -10,9 +10,12 @@ from ..sources.features import layout
 from ..state import State
 from .classes import classes_of
 
-LOUDER_S, QUIETER_S = (3000.0, 60.0, 100.0), (600.0, 20.0, 10.0)
+LOUDER_S, QUIETER_S = (6000.0, 120.0, 200.0), (2400.0, 100.0, 10.0)
 """Mean times until a target moves in the next louder way, and until one falls back. Whoever has
 gone straight for long is taken for one that hardly ever turns; after a turn more are expected."""
+
+HARDER = 4.0
+"""Times the densities of turn rate and speed of what turns are those of what manoeuvres hard."""
 
 
 def settings_of(state: State) -> tracker.Settings:
@@ -22,12 +25,14 @@ def settings_of(state: State) -> tracker.Settings:
         noise=(
             settings.steady_m2ps3,
             settings.quiet_m2ps3,
-            settings.turning_m2ps3,
+            settings.quiet_m2ps3,
             settings.manoeuvring_m2ps3,
         ),
         louder_s=LOUDER_S,
         quieter_s=QUIETER_S,
         sigma_speed_mps=settings.sigma_speed_mps,
+        turning=(0.0, 0.0, settings.turning_rad2ps, HARDER * settings.turning_rad2ps),
+        hastening=(0.0, 0.0, settings.hastening_ps, HARDER * settings.hastening_ps),
     )
     return tracker.Settings(
         motion=motion,

@@ -26,6 +26,7 @@ from tests.estimation.tracking.states import KINDS, SITE, plots_of, some_bank
 
 MOTION = Motion()
 FOUR = Motion((1e-3, 0.05, 2.0, 20.0), (3000.0, 60.0, 100.0), (600.0, 20.0, 10.0))
+TURNING = FOUR._replace(turning=(0.0, 0.0, 0.005, 0.02), hastening=(0.0, 0.0, 0.001, 0.004))
 
 
 class Innovated(NamedTuple):
@@ -40,7 +41,7 @@ def dense(parts: Array, track: int) -> list[Array]:
     return [parts[..., model, track] for model in range(parts.shape[-2])]
 
 
-@pytest.mark.parametrize("motion", [MOTION, FOUR], ids=["two", "four"])
+@pytest.mark.parametrize("motion", [MOTION, FOUR, TURNING], ids=["two", "four", "turning"])
 def test_prediction_is_the_textbooks_one_track_at_a_time(motion: Motion) -> None:
     bank, dt = some_bank(np.random.default_rng(1), 5, models=motion.models), 1.7
     after = imm.predicted(bank, dt, motion)
@@ -59,8 +60,29 @@ def test_prediction_is_the_textbooks_one_track_at_a_time(motion: Motion) -> None
                 s * (c + np.outer(m - x0, m - x0)) for s, m, c in zip(share, x, p, strict=True)
             )
             np.testing.assert_allclose(after.mean[:, j, i], f @ x0, rtol=1e-9)
-            want = f @ p0 @ f.T + q * np.kron(block, np.eye(2))
+            noise = q * np.eye(2) + by_velocity(motion, j, p0[2:, 2:] + np.outer(x0[2:], x0[2:]))
+            want = f @ p0 @ f.T + np.kron(block, noise)
             np.testing.assert_allclose(after.covariance[:, :, j, i], want, rtol=1e-9, atol=1e-7)
+
+
+def by_velocity(motion: Motion, model: int, squared: Array) -> Array:
+    """What turns and changes of speed add to the noise of a model, with E[v v'] (2, 2)."""
+    quarter = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    turning = motion.turning[model] if motion.turning else 0.0
+    hastening = motion.hastening[model] if motion.hastening else 0.0
+    return np.asarray(turning * quarter @ squared @ quarter.T + hastening * squared)
+
+
+def test_a_turn_pushes_a_target_aside_and_the_more_the_faster_it_is() -> None:
+    """To the east at 10 and at 200 m/s, velocities known: noise across the course alone."""
+    bank = imm.bare(np.zeros((4, 1, 2)), np.zeros((4, 4, 1, 2)), np.ones((1, 2)))
+    bank.mean[2, 0] = 10.0, 200.0
+    after = imm.predicted(bank, 1.0, Motion((0.0,), (), (), turning=(0.005,)))
+    np.testing.assert_allclose(after.covariance[2, 2, 0], 0.0)
+    np.testing.assert_allclose(after.covariance[3, 3, 0], [0.5, 200.0])
+    after = imm.predicted(bank, 1.0, Motion((0.0,), (), (), hastening=(0.001,)))
+    np.testing.assert_allclose(after.covariance[2, 2, 0], [0.1, 40.0])
+    np.testing.assert_allclose(after.covariance[3, 3, 0], 0.0)
 
 
 @pytest.mark.parametrize("motion", [MOTION, FOUR], ids=["two", "four"])
