@@ -2,7 +2,8 @@
 
 The error b of a carrier's frame is common to all its plots and hardly changes from scan to scan.
 It is considered, not estimated: each track keeps the covariance of its state with every b, so that
-more plots of one carrier never make a track surer than the frame they came in.
+more plots of one carrier never make a track surer than the frame they came in. Errors of frames
+that are known together hang together: a scale that all ranges share is no less for many carriers.
 
 Source: Schmidt, Application of state-space methods to navigation problems, Advances in Control
 Systems 3, 1966 (the consider filter).
@@ -10,6 +11,7 @@ Systems 3, 1966 (the consider filter).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -30,21 +32,24 @@ class Frames(NamedTuple):
 
     Attributes:
         names: of the frames.
-        covariances: (K, K) of each when it was heard last.
+        sizes: how many errors each has.
+        covariance: (errors, errors) of all, as they were known last.
     """
 
     names: tuple[str, ...]
-    covariances: tuple[Array, ...]
+    sizes: tuple[int, ...]
+    covariance: Array
 
-    def columns(self, frame: int) -> slice:
-        """Which of what tracks remember is of a frame."""
-        sizes = [len(covariance) for covariance in self.covariances[: frame + 1]]
-        return slice(sum(sizes[:-1]), sum(sizes))
+    def rows(self, name: str) -> list[int]:
+        """Which of the errors are of a frame."""
+        which = self.names.index(name)
+        first = sum(self.sizes[:which])
+        return list(range(first, first + self.sizes[which]))
 
 
 _LEAST = 1e-3, 1e-3, 1e-7  # sigmas [m, m, rad]: no frame is known better
 _LEAST_RANGES = 1e-3, 1e-8  # and no ranges [m, a metre of range]
-NONE = Frames((), ())
+NONE = Frames((), (), np.zeros((0, 0)))
 
 
 class Met(NamedTuple):
@@ -63,27 +68,71 @@ def met(frames: Frames, bank: Bank, common: Common | None) -> Met:
     """What is known of frames when the scan of one of them comes."""
     if common is None or not common.name:
         return Met(frames, bank, common)
-    now = _about_the_middle(common)
-    mine = np.zeros((4, len(now), *bank.model.shape))
-    others = [k for k, name in enumerate(frames.names) if name != common.name]
-    if len(others) < len(frames.names):
-        row = frames.names.index(common.name)
-        if len(frames.covariances[row]) == len(now):
-            still = kept(frames.covariances[row], now)
-            mine = np.einsum("aimn,ij->ajmn", bank.shared[:, frames.columns(row)], still)
-    others = others[-(MOST - 1) :]
-    remembered = [bank.shared[:, frames.columns(k)] for k in others]
-    after = Frames(
-        (*(frames.names[k] for k in others), common.name),
-        (*(frames.covariances[k] for k in others), now),
-    )
+    now = _known(common)
+    others = [name for name in frames.names if name != common.name][-(MOST - 1) :]
+    after = _after(frames, now, [*others, common.name])
+    shared = np.zeros((4, len(after.covariance), *bank.model.shape))
+    silent = [name for name in others if name not in now.names]
+    shared[:, _rows(after, silent)] = bank.shared[:, _rows(frames, silent)]
+    still = [name for name in after.names if name in now.names and _stays(frames, now, name)]
+    if still:
+        was, at = _rows(frames, still), _rows(after, still)
+        first = _rows(
+            after, [name for name in after.names if name in now.names and name not in still]
+        )
+        lasting = after.covariance[np.ix_(at, at)]
+        turned = kept(frames.covariance[np.ix_(was, was)], lasting)
+        # of a frame not heard before tracks have what it shares with those that were
+        shares = np.linalg.solve(lasting, after.covariance[np.ix_(at, first)])
+        turned = np.hstack([turned, turned @ shares])
+        shared[:, at + first] = np.tensordot(turned, bank.shared[:, was], (0, 1)).swapaxes(0, 1)
+    mine = after.rows(common.name)
     told = common._replace(
-        covariance=now,
+        covariance=after.covariance[np.ix_(mine, mine)],
         pivot_m=np.zeros(2),
-        slot=after.columns(len(others)).start,
+        slot=mine[0],
         site_m=common.pivot_m,
+        crossed=after.covariance[:, mine],
     )
-    return Met(after, bank._replace(shared=np.concatenate([*remembered, mine], axis=1)), told)
+    return Met(after, bank._replace(shared=shared), told)
+
+
+def _known(common: Common) -> Frames:
+    """What a scan says of frames, about the middle of the picture."""
+    alone = (common.name,), (len(common.covariance),), common.pivot_m[None], common.covariance
+    names, sizes, pivots, covariance = common.together or alone
+    turn, least, first = np.eye(len(covariance)), list[float](), 0
+    for size, (east, north) in zip(sizes, pivots, strict=True):
+        turn[first : first + 2, first + 2] = -north, east
+        least += [*_LEAST, *_LEAST_RANGES * ((size - SIZE) // 2)]
+        first += size
+    return Frames(names, sizes, turn @ (covariance + np.diag(least) ** 2) @ turn.T)
+
+
+def _after(before: Frames, now: Frames, names: list[str]) -> Frames:
+    """These frames, as they are known now or were before."""
+    known = {
+        name: size
+        for said in (before, now)
+        for name, size in zip(said.names, said.sizes, strict=True)
+    }
+    after = Frames(tuple(names), tuple(known[name] for name in names), np.zeros((0, 0)))
+    covariance = np.zeros((sum(after.sizes),) * 2)
+    told = [name for name in names if name in now.names]
+    silent = [name for name in names if name not in now.names]
+    for said, which in ((before, silent), (now, told)):
+        rows, at = _rows(said, which), _rows(after, which)
+        covariance[np.ix_(at, at)] = said.covariance[np.ix_(rows, rows)]
+    return after._replace(covariance=covariance)
+
+
+def _stays(before: Frames, now: Frames, name: str) -> bool:
+    """Whether a frame was remembered with the errors that it has now."""
+    return name in before.names and len(before.rows(name)) == len(now.rows(name))
+
+
+def _rows(frames: Frames, names: Sequence[str]) -> list[int]:
+    return [row for name in names for row in frames.rows(name)]
 
 
 def kept(before: Array, now: Array) -> Array:
@@ -113,16 +162,6 @@ def begun(bank: Bank, common: Common | None, columns: int) -> Bank:
     error = np.einsum("aimn,ij->ajmn", by_frame, common.covariance)
     covariance = bank.covariance.copy()
     covariance[:2, :2] += np.einsum("aimn,bimn->abmn", error, by_frame)
-    if common.slot >= 0:
-        shared[:2, common.slot : common.slot + len(common.covariance)] = -error
+    if common.crossed is not None:
+        shared[:2] = -np.einsum("aimn,ei->aemn", by_frame, common.crossed)
     return bank._replace(covariance=covariance, shared=shared)
-
-
-def _about_the_middle(common: Common) -> Array:
-    """The covariance of q and D about the middle instead of the carrier's place."""
-    east, north = common.pivot_m
-    turn = np.eye(len(common.covariance))
-    turn[:2, 2] = -north, east
-    least = [*_LEAST, *_LEAST_RANGES * ((len(turn) - SIZE) // 2)]
-    about: Array = turn @ (common.covariance + np.diag(least) ** 2) @ turn.T
-    return about

@@ -19,6 +19,21 @@ from estimation.tracking.measurements import Expected, Readings
 from estimation.tracking.measurements.line_of_sight import LEAST_M
 
 
+class Together(NamedTuple):
+    """Errors of several frames that are known together, and hang together.
+
+    Attributes:
+        names: of the frames; sizes: how many errors each has, see `Common`.
+        pivots_m: (frames, 2) about which each turns.
+        covariance: (T, T) of all of them.
+    """
+
+    names: tuple[str, ...]
+    sizes: tuple[int, ...]
+    pivots_m: Array
+    covariance: Array
+
+
 class Common(NamedTuple):
     """An error that all plots of a scan share: that of the correction of the carrier's frame.
 
@@ -30,6 +45,8 @@ class Common(NamedTuple):
         slot: first of its columns among what tracks remember of frames, -1 if they do not.
         ranges: first of b and s of the scan's source among the K, 0 if its ranges do not err.
         site_m: (2,) from where ranges are measured; None = the pivot.
+        together: these errors with those of other frames; None = independent of all.
+        crossed: (errors, K) covariance of all that tracks remember with these.
     """
 
     covariance: Array
@@ -38,6 +55,8 @@ class Common(NamedTuple):
     slot: int = -1
     ranges: int = 0
     site_m: Array | None = None
+    together: Together | None = None
+    crossed: Array | None = None
 
     def displaces(self, mean: Array) -> Array:
         """By what (2, K, models, n) the errors displace the plots of targets (4, models, n)."""
@@ -130,12 +149,12 @@ def foretold(expected: Expected, bank: Bank, common: Common | None = None) -> Fo
             "ramn,aimn->rimn", expected.gradient[:, :2], common.displaces(bank.mean)
         )
         spread += np.einsum("rimn,ij,sjmn->rsmn", by_frame, common.covariance, by_frame)
-        if common.slot >= 0:
+        if common.crossed is not None:
             mine = slice(common.slot, common.slot + len(common.covariance))
             crossed = np.einsum("rimn,simn->rsmn", push_shared[:, mine], by_frame)
             spread += crossed + crossed.swapaxes(0, 1)
             push += np.einsum("aimn,rimn->ramn", bank.shared[:, mine], by_frame)
-            push_shared[:, mine] += np.einsum("ij,rjmn->rimn", common.covariance, by_frame)
+            push_shared += np.einsum("ij,rjmn->rimn", common.crossed, by_frame)
     rate = (expected.gradient[:, :2] * bank.mean[2:]).sum(axis=1)
     return Foretold(expected.value, spread, push, rate, push_shared)
 

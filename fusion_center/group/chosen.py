@@ -56,12 +56,18 @@ def lateness(state: State, carrier: str, source: str) -> frames.Lateness:
     return frames.lateness(state, carrier, source)
 
 
+def by_group(state: State, carrier: str) -> bool:
+    """Whether the group's word counts of what a carrier's logs depend on."""
+    if carrier == state.own:
+        return frames.member_of(state, carrier) is not None
+    return holding(state, carrier) is not None
+
+
 def range_errors(state: State, carrier: str, source: str) -> RangeErrors:
     """What is to be added to the ranges of a source, by the group as far as its word counts."""
-    if carrier == state.own or holding(state, carrier) is not None:
-        by_group = frames.range_errors(state, carrier, source)
-        if by_group is not None:
-            return by_group
+    told = frames.range_errors(state, carrier, source) if by_group(state, carrier) else None
+    if told is not None:
+        return told
     return followed.range_errors(state, state.frames, carrier, source)
 
 

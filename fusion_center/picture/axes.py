@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from estimation.arrays import Array, transposed
 from estimation.frames import (
@@ -24,9 +25,10 @@ from estimation.frames import (
     yaw_rad,
 )
 from estimation.relative_frame import OwnAxesFrame
+from estimation.relative_frame.joint import LOGS, WIDTH
 from estimation.relative_frame.range_errors import NO_RANGE_ERRORS, RangeErrors
 from estimation.tracking.frame_errors import SIZE
-from estimation.tracking.innovations import Common
+from estimation.tracking.innovations import Common, Together
 
 from ..group import chosen
 from ..navigation import pose_at, site
@@ -57,6 +59,7 @@ class Placed:
         frame: the correction in own axes; None for the own carrier.
         picture_from_own: known transform of the own plane to the picture.
         unsure: None where nothing is, as of an own carrier whose ranges are right.
+        together: the same with that of all frames that are followed together.
     """
 
     site: Site
@@ -65,6 +68,7 @@ class Placed:
     frame: OwnAxesFrame | None
     picture_from_own: RigidTransform
     unsure: Unsure | None = None
+    together: Together | None = None
 
     @property
     def turn_rad(self) -> float:
@@ -117,7 +121,7 @@ class Placed:
         turn[:2, :2] = rotation_clockwise(yaw_rad(self.picture_from_own))
         first, _ = self.unsure.ranges.get(source, (0, NO_RANGE_ERRORS))
         covariance = turn @ covariance @ transposed(turn)
-        return Common(covariance, self.place_m(), name, ranges=first)
+        return Common(covariance, self.place_m(), name, ranges=first, together=self.together)
 
 
 def placed(state: State, carrier: str, t_ns: int) -> Placed | None:
@@ -137,16 +141,60 @@ def _placed(state: State, carrier: str, t_ns: int) -> Placed | None:
     origin = state.scenario.origin
     there = Site(origin.latitude_rad, origin.longitude_rad, origin.altitude_m)
     picture_from_own = target_from_source(there, own)
+    planes = own, picture_from_own
     if carrier == state.own:
         unsure = _unsure(state, carrier, np.zeros((SIZE, SIZE)), state.frames)
-        return Placed(own, own, None, None, picture_from_own, unsure if unsure.ranges else None)
+        if not unsure.ranges:
+            return Placed(own, own, None, None, picture_from_own)
+        together = _together(state, frames.carried_to(state, t_ns), carrier, planes)
+        return Placed(own, own, None, None, picture_from_own, unsure, together)
     frame, joint = _frame(state, carrier, t_ns)
     if frame is None:
         return None
     between, _ = navigated(state, carrier, t_ns)
     unsure = _unsure(state, carrier, frame.covariance, joint)
+    together = _together(state, joint, carrier, planes)
     other = site(between.other)
-    return Placed(other, own, between.own_from_other, frame, picture_from_own, unsure)
+    return Placed(other, own, between.own_from_other, frame, picture_from_own, unsure, together)
+
+
+def _together(
+    state: State, joint: Frames | None, carrier: str, planes: tuple[Site, RigidTransform]
+) -> Together | None:
+    """The errors of all frames that are followed together, along the picture's axes.
+
+    Args:
+        carrier: who must be among them.
+        planes: the own one, and its transform to the picture's.
+    """
+    if joint is None:
+        return None
+    own, picture_from_own = planes
+    turn = np.eye(SIZE + 2)
+    turn[:2, :2] = rotation_clockwise(yaw_rad(picture_from_own))
+    members: dict[str, int] = {}
+    rows, pivots = [], []
+    for number, name in enumerate((state.own, *joint.carriers)):
+        erring = len(_erring(state, name))
+        if erring > 1 or (not number and not erring) or chosen.by_group(state, name):
+            continue
+        members[f"{name}/{state.carriers[name].boot}"] = SIZE + 2 * erring
+        rows.append((WIDTH * number + LOGS)[: SIZE + 2 * erring])
+        east, north = joint.mean[number, :2, None]
+        there = on_surface(own, east, north, np.full(1, own.altitude_m))
+        pivots.append(picture_from_own.apply(there)[0, :2])
+    if f"{carrier}/{state.carriers[carrier].boot}" not in members:
+        return None
+    which = np.concatenate(rows)
+    turned = block_diag(*(turn[:size, :size] for size in members.values()))
+    covariance = turned @ joint.covariance[np.ix_(which, which)] @ turned.T
+    return Together(tuple(members), tuple(members.values()), np.array(pivots), covariance)
+
+
+def _erring(state: State, carrier: str) -> dict[str, RangeErrors]:
+    """The sources of a carrier whose ranges err, by name."""
+    errors = {s: chosen.range_errors(state, carrier, s) for s in sorted(state.sources(carrier))}
+    return {source: ranges for source, ranges in errors.items() if not ranges.none}
 
 
 def _unsure(state: State, carrier: str, frame: Array, joint: Frames | None) -> Unsure:
@@ -156,14 +204,10 @@ def _unsure(state: State, carrier: str, frame: Array, joint: Frames | None) -> U
         frame: (3, 3) covariance of (q, D).
         joint: whence it is, if it is from there.
     """
-    errors = {s: chosen.range_errors(state, carrier, s) for s in sorted(state.sources(carrier))}
-    erring = [source for source, ranges in errors.items() if not ranges.none]
-    first = {source: SIZE + 2 * k for k, source in enumerate(erring)}
-    covariance = np.zeros((SIZE + 2 * len(erring),) * 2)
-    covariance[:SIZE, :SIZE] = frame
-    for source, row in first.items():
-        covariance[row : row + 2, row : row + 2] = errors[source].covariance
-    if len(erring) == 1 and joint is not None and carrier in joint.carriers:
+    errors = _erring(state, carrier)
+    first = {source: SIZE + 2 * k for k, source in enumerate(errors)}
+    covariance = block_diag(frame, *(ranges.covariance for ranges in errors.values()))
+    if len(errors) == 1 and joint is not None and carrier in joint.carriers:
         covariance = frames.joint(joint).errors(frames.row(joint, carrier))
     return Unsure(covariance, {source: (row, errors[source]) for source, row in first.items()})
 

@@ -13,7 +13,7 @@ from estimation.consistency import mean_interval, nees
 from estimation.tracking import frame_errors, imm
 from estimation.tracking.frame_errors import MOST, SIZE, kept, met
 from estimation.tracking.imm import Motion
-from estimation.tracking.innovations import Common
+from estimation.tracking.innovations import Common, Together
 from estimation.tracking.measurements import places
 from estimation.tracking.scan import Scan, View
 from estimation.tracking.tracker import Picture, Settings, nothing, shown, step
@@ -116,13 +116,22 @@ def test_the_point_a_frame_turns_about_is_of_no_matter() -> None:
     np.testing.assert_allclose(place_covariance(one), place_covariance(other), rtol=1e-6)
 
 
-def test_own_and_two_other_carriers_are_the_textbooks_consider_filter() -> None:
-    """State and both frames in one Kalman filter whose gain for the frames is nought."""
-    own, b, c = None, Common(FRAME, PIVOT, "b"), Common(FRAME / 4, -PIVOT, "c")
+@pytest.mark.parametrize("alike", [0.0, 0.9], ids=["independent", "alike"])
+def test_own_and_two_other_carriers_are_the_textbooks_consider_filter(alike: float) -> None:
+    """State and both frames in one Kalman filter whose gain for the frames is nought.
+
+    Frames that are followed together hang together: what one leaves open is in the other too.
+    """
+    frames = np.kron([[1.0, alike / 2], [alike / 2, 0.25]], FRAME)
+    together = Together(("b", "c"), (3, 3), np.array([PIVOT, -PIVOT]), frames)
+    own = None
+    b, c = Common(FRAME, PIVOT, "b"), Common(FRAME / 4, -PIVOT, "c")
+    if alike:
+        b, c = b._replace(together=together), c._replace(together=together)
     commons: list[Common | None] = [b, own, c, b, b, c, own, b]
     picture = fed(commons, np.random.default_rng(3))
     joint = np.zeros((10, 10))
-    joint[4:7, 4:7], joint[7:, 7:] = FRAME, FRAME / 4
+    joint[4:, 4:] = frames
     by_state, noise = np.eye(2, 10), SIGMA_M**2 * np.eye(2)
     forward = np.eye(10) + np.eye(10, k=2) * (np.arange(10) < 2)[:, None]
     for k, common in enumerate(commons):
@@ -141,8 +150,9 @@ def test_own_and_two_other_carriers_are_the_textbooks_consider_filter() -> None:
         gain[4:] = 0.0
         rest = np.eye(10) - gain @ seen
         joint = rest @ joint @ rest.T + gain @ noise @ gain.T
-    # the frame's displacement is taken where the track is, some 20 m from the target
-    np.testing.assert_allclose(place_covariance(picture), joint[:2, :2], rtol=0.02)
+    found, sigma = place_covariance(picture), np.sqrt(np.diag(joint)[:2])
+    scale = np.outer(sigma, sigma)
+    np.testing.assert_allclose(found / scale, joint[:2, :2] / scale, atol=0.002)
 
 
 @pytest.mark.parametrize("factor", [0.25, 1.0, 4.0])
