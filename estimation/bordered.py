@@ -19,7 +19,9 @@ from estimation.arrays import Array, Indices, transposed
 
 _STILL = 1e-6  # chi2: the gain that the last step promised, or made
 _NEARLY = 1e-2  # chi2 promised where weights change with the step and it made none
-_DAMPING, _HARDER, _SOFTER, _HOPELESS = 1e-3, 10.0, 0.1, 1e8
+_LEAST, _FIRST, _HOPELESS = 1e-2, 1.0, 1e8  # damping: what tells, what is tried first, given up
+_HARDER, _SOFTER = 5.0, 0.2
+_KEPT = 0.75  # of the gain promised: from a step that makes as much, the next is damped less
 
 
 class Chain(NamedTuple):
@@ -155,6 +157,9 @@ Linearise = Callable[[Array, Array], Linearised]
 def minimise(linearise: Linearise, x: Array, theta: Array, most: int = 50) -> Solution:
     """Gauss-Newton steps, damped where one would not pay (Levenberg-Marquardt).
 
+    Damping of 1 is as much as the rows of theta alone know: what the data determine a thousand
+    times better goes on freely, and what they leave loose along a bend takes short steps.
+
     Args:
         linearise: the problem about a point (x, theta).
         x: (n, b) start.
@@ -171,18 +176,19 @@ def descend(linearise: Linearise, x: Array, theta: Array, most: int) -> Descent:
     at, normal, damping = linearise(x, theta), None, 0.0
     for count in range(1, most + 1):
         normal = normal or normal_equations(at)
-        step_x, step_theta, gain = _step(normal, x.shape, damping)
+        step_x, step_theta, gain = _step(at, normal, x.shape, damping)
         there = linearise(x + step_x, theta + step_theta)
         settled = abs(at.cost - there.cost) < _STILL and gain < _NEARLY
         if damping == 0 and (gain < _STILL or settled):
             return Descent(x + step_x, theta + step_theta, there, normal, True, count)
         if there.cost <= at.cost:
+            if at.cost - there.cost > _KEPT * gain:
+                damping = damping * _SOFTER if damping > _LEAST else 0.0
             x, theta, at, normal = x + step_x, theta + step_theta, there, None
-            damping = damping * _SOFTER if damping > _DAMPING else 0.0
         elif damping > _HOPELESS:
             break
         else:
-            damping = max(damping * _HARDER, _DAMPING)
+            damping = max(damping * _HARDER, _FIRST)
     return Descent(x, theta, at, normal, False, count)
 
 
@@ -275,12 +281,15 @@ def _root_blocks(root: Array, n: int, b: int) -> tuple[Array, Array]:
     return diagonal, below
 
 
-def _step(normal: Normal, shape: tuple[int, ...], damping: float) -> tuple[Array, Array, float]:
+def _step(
+    at: Linearised, normal: Normal, shape: tuple[int, ...], damping: float
+) -> tuple[Array, Array, float]:
     """A step of x and theta, and the decrease of the cost it promises."""
     if damping:
-        band, corner = normal.band.copy(), normal.corner.copy()
-        band[0] *= 1 + damping
-        corner[np.diag_indices_from(corner)] *= 1 + damping
+        known, share = at.known_by_theta, damping / _HOPELESS
+        band, corner = normal.band.copy(), normal.corner + damping * known.T @ known
+        band[0] *= 1 + share
+        corner[np.diag_indices_from(corner)] *= 1 + share
         normal = normal._replace(band=band, corner=corner)
     root = cholesky_banded(normal.band, lower=True, check_finite=False)
     right = np.column_stack([normal.border, normal.pull_x])

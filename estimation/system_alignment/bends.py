@@ -31,6 +31,7 @@ _PATIENT, _HALVED = 8, 5
 _TURNS = 20  # of axes towards plain ones
 _BELIEVED = 1e-3  # weight below which a range is left out
 _LEAST = 0.1  # of the parabola's variances
+_ROOT = np.sqrt(2 * np.pi)
 
 
 class _Point(NamedTuple):
@@ -55,31 +56,60 @@ class _Point(NamedTuple):
     length: float
 
 
-def mean_square(model: Model, found: Solution) -> Array:
-    """(T, T) mean square distance of the free constants from the mode, by the ridges through it.
+class Spread(NamedTuple):
+    """How the free constants lie about one mode.
+
+    Attributes:
+        square: (T, T) mean square distance from it.
+        shift: (T,) mean distance.
+        log_mass: logarithm of the probability, up to what all modes have in common.
+    """
+
+    square: Array
+    shift: Array
+    log_mass: float
+
+
+def tangent(found: Solution) -> Spread:
+    """Moments about the mode by the curvature there alone."""
+    mass = -0.5 * (found.cost + _width(found))
+    return Spread(found.covariance, np.zeros(len(found.theta)), mass)
+
+
+def spread(model: Model, found: Solution) -> Spread:
+    """Moments about the mode by the ridges through it.
 
     Loose axes are taken one by one: what bends along one is added to what bends along the others.
     """
+    straight = tangent(found)
     model = _settled(model, found)
     found = found._replace(cost=model(found.x, found.theta).cost)
-    covariance, whitener = found.covariance, model.whitener
+    covariance, whitener = straight.square, model.whitener
     values, axes = np.linalg.eigh(whitener @ covariance @ whitener.T)
     loose = _plain(axes[:, values >= _LOOSE**2])
     bent = [axis for axis in loose.T if _bends(model, found, axis)]
     if not bent:
-        return covariance
+        return straight
+    whole, shift, mass = covariance.copy(), straight.shift.copy(), straight.log_mass
     held = _held(model, loose)
     pinned = found._replace(
         factored=found.factored._replace(information=found.factored.information + held.T @ held)
     )
-    whole, shift = covariance.copy(), np.zeros(len(covariance))
     for axis in bent:
         start = _point(model, pinned, pinned, loose, axis, 0.0)
         step = start.sigma * np.linalg.solve(whitener, axis)
-        mean, square = _moments(model, start)
+        mean, square, length = _moments(model, start)
+        mass += np.log(length / (_ROOT * start.sigma))
         whole += square - np.outer(mean, mean) - np.outer(step, step) - start.across
         shift += mean
-    return _at_least(_LEAST * covariance, whole + np.outer(shift, shift))
+    square = _at_least(_LEAST * covariance, whole + np.outer(shift, shift))
+    return Spread(square, shift, float(mass))
+
+
+def _width(found: Solution) -> float:
+    """Logarithm of the determinant of the information of path and constants."""
+    path = 2 * np.log(found.factored.root[0]).sum()
+    return float(path + np.linalg.slogdet(found.factored.information)[1])
 
 
 def _settled(model: Model, found: Solution) -> Model:
@@ -122,17 +152,22 @@ def _path(found: Solution, moved: Array) -> Array:
     return followed
 
 
-def _moments(model: Model, start: _Point) -> tuple[Array, Array]:
-    """Mean (T,) and mean square (T, T) of the distance from the mode along one ridge."""
+def _moments(model: Model, start: _Point) -> tuple[Array, Array, float]:
+    """Mean (T,), mean square (T, T) of the distance from the mode along one ridge; its length.
+
+    The length counts every part by its probability against the mode's.
+    """
     after = list(_walk(model, start))
     before = list(_walk(model, start._replace(along=-start.along)))
     points = [*before[::-1], start, *after]
     gaps = np.array([0.0, *(p.length for p in (*before[::-1], *after)), 0.0])
-    share = (gaps[:-1] + gaps[1:]) * np.exp(-0.5 * np.array([p.cost for p in points]))
+    share = (gaps[:-1] + gaps[1:]) / 2 * np.exp(-0.5 * np.array([p.cost for p in points]))
+    length = float(share.sum()) if len(points) > 1 else _ROOT * start.sigma
     share = share / share.sum() if len(points) > 1 else np.ones(1)
     away = np.array([p.solution.theta - start.solution.theta for p in points])
     across = np.array([p.across for p in points])
-    return share @ away, (share * away.T) @ away + np.einsum("k,kij->ij", share, across)
+    square = (share * away.T) @ away + np.einsum("k,kij->ij", share, across)
+    return share @ away, square, length
 
 
 def _walk(model: Model, start: _Point) -> Iterator[_Point]:
@@ -196,9 +231,7 @@ def _point(
         along = loose @ (loose.T @ along)
         along = along / np.linalg.norm(along)
     sigma = 1 / np.sqrt(max(float(along @ scaled @ along), 1.0))
-    width = 2 * np.log(there.factored.root[0] / mode.factored.root[0]).sum()
-    width += np.linalg.slogdet(pinned)[1] - np.linalg.slogdet(mode.factored.information)[1]
-    cost = there.cost - mode.cost + float(width)
+    cost = there.cost - mode.cost + _width(there) - _width(mode)
     return _Point(there, loose, along, sigma, cost, inverse(pinned), length)
 
 

@@ -168,7 +168,8 @@ def filtered(path: DeadReckoning, logs: Ranges, prior: Prior) -> Iterator[Filter
     """The filter after every epoch of a path.
 
     Once the doubt of a place has bent ranges by more than their noise, no filter remembers what
-    they have said: from then on all so far are aligned anew at epochs 8, 12, 18 and so on.
+    they have said: from then on all so far are aligned anew at epochs 8, 12, 18 and so on, other
+    modes left aside.
     """
     order = np.argsort(logs.epoch, kind="stable")
     logs = logs.of(order)
@@ -182,7 +183,7 @@ def filtered(path: DeadReckoning, logs: Ranges, prior: Prior) -> Iterator[Filter
             bent = bent or bool(np.any(taken.sigma_m > _BENT * now.sigma_m))
             state = updated(state, taken, height)
         if bent and epoch + 1 >= anew:
-            found = align(path.until(epoch + 1), logs.of(slice(0, last)), prior)
+            found = align(path.until(epoch + 1), logs.of(slice(0, last)), prior, starts=0)
             state, anew = resumed(found, state.time_s), int(_LATER * anew)
         yield state
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -10,11 +11,12 @@ from scipy.special import chdtrc, expit
 
 from estimation.arrays import Array
 from estimation.bordered import Solution, block_covariances, descend, last_covariance, minimise
-from estimation.system_alignment.bends import mean_square
+from estimation.system_alignment.bends import spread
 from estimation.system_alignment.least_squares import least_squares
 from estimation.system_alignment.logs import DeadReckoning, Ranges
 from estimation.system_alignment.losses import ROBUST, Loss
 from estimation.system_alignment.model import Model
+from estimation.system_alignment.modes import Mode, doubtful, mixture
 from estimation.system_alignment.observability import Direction, diagnosis
 from estimation.system_alignment.parameters import Prior, offsets_of, places_of
 
@@ -49,8 +51,8 @@ class Alignment(NamedTuple):
     Attributes:
         theta: (7 + 4 J,) in the order of `parameters`.
         covariance: (7 + 4 J, 7 + 4 J); zeros where a constant is known. Where the data leave an
-            arc, it is the mean square along it; where a beacon may lie on the other side of the
-            path, the distance to there is in it by its probability.
+            arc, it is the mean square along it; other modes, and the other side of a level path,
+            are in it at their distance by their probability.
         path_m: (n, 2) places of the object, valid at the epochs.
         heading_error_rad: (n,) of the walk; zeros where headings are measured anew.
         cost: what was minimised, at the minimum.
@@ -60,6 +62,9 @@ class Alignment(NamedTuple):
             infinite where the height is known.
         prior_test: whether the data contradict the prior.
         undetermined: the combinations the data leave as the prior had them, named.
+        others: modes that share the probability, where there may be several: looked for where no
+            start was given and the prior leaves a beacon's side open, or where one solution did
+            not settle or fits badly.
         solution: the factored normal equations, for every covariance of the path.
         prior: before the data.
     """
@@ -74,6 +79,7 @@ class Alignment(NamedTuple):
     mirror_gap: Array
     prior_test: PriorTest
     undetermined: tuple[Direction, ...]
+    others: tuple[Mode, ...]
     solution: Solution
     prior: Prior
 
@@ -120,6 +126,7 @@ def align(
     method: Literal["map", "ls"] = "map",
     start: Array | None = None,
     losses: tuple[Loss, ...] = ROBUST,
+    starts: int = 24,
 ) -> Alignment:
     """Constants and path from dead reckoning and ranges or range differences.
 
@@ -132,6 +139,7 @@ def align(
         start: (7 + 4 J,) constants to start from, e.g. the online filter's; default: the prior's,
             then those of the first epochs, of twice as many, and so on.
         losses: gone through in turn, each from where the last one ended.
+        starts: from how many more places other modes are looked for where there may be some.
 
     Raises:
         ValueError: a range of an epoch or a beacon that is not there.
@@ -142,11 +150,21 @@ def align(
         model = Model(path, logs, prior)
         found = least_squares(model, at[prior.free])
         nothing = np.zeros((len(found.theta),) * 2)
-        return _told(model, _Sides(found, np.zeros(prior.beacons), nothing, found.covariance))
+        sides = _Sides(found, np.zeros(prior.beacons), nothing, found.covariance)
+        return _told(model, sides)
     model = Model(path, logs, prior, losses[0])
     free = at[prior.free]
     x, free = (_approached if start is None else _softened)(model, free)
-    return _told(*_through(losses, model, x, free))
+    last = replace(model, loss=losses[-1])
+    found = _through(losses, model, x, free)
+    sides = _mirrors(last, found)
+    if start is not None or not (starts and doubtful(last, sides.found)):
+        return _told(last, sides)
+    solve, draw = partial(_through, losses, model), partial(_approached, model)
+    mixed = mixture(last, sides.found, solve, draw, starts)
+    sides = _mirrors(last, mixed.best)
+    sides = sides._replace(doubt=np.zeros_like(mixed.square), square=mixed.square)
+    return _told(last, sides)._replace(others=mixed.others)
 
 
 def _approached(model: Model, free: Array) -> tuple[Array, Array]:
@@ -179,7 +197,7 @@ def _softened(model: Model, free: Array) -> tuple[Array, Array]:
     return x, free
 
 
-def _through(losses: tuple[Loss, ...], model: Model, x: Array, free: Array) -> tuple[Model, _Sides]:
+def _through(losses: tuple[Loss, ...], model: Model, x: Array, free: Array) -> Solution:
     """The minimum of the last loss, reached through the others as far as they are needed."""
     last = replace(model, loss=losses[-1])
     for loss in losses[:-1]:
@@ -189,10 +207,10 @@ def _through(losses: tuple[Loss, ...], model: Model, x: Array, free: Array) -> t
         residuals = last.residuals(x, free)
         weights = last.loss(residuals)[1]
         if found.converged and np.array_equal(weights, model.loss(residuals)[1]):
-            return last, _mirrors(last, found)
+            return found
         if np.all(weights == 1):
             break
-    return last, _mirrors(last, minimise(last, x, free))
+    return minimise(last, x, free)
 
 
 def _told(model: Model, sides: _Sides) -> Alignment:
@@ -202,7 +220,7 @@ def _told(model: Model, sides: _Sides) -> Alignment:
     covariance = np.zeros_like(prior.covariance)
     covariance[np.ix_(free, free)] = found.covariance
     doubtful = covariance.copy()
-    doubtful[np.ix_(free, free)] = sides.square + sides.spread
+    doubtful[np.ix_(free, free)] = sides.square + sides.doubt
     theta = model.theta(found.theta)
     heading = found.x[:, 2] if model.block == 3 else np.zeros(len(found.x))
     return Alignment(
@@ -216,6 +234,7 @@ def _told(model: Model, sides: _Sides) -> Alignment:
         mirror_gap=sides.gap,
         prior_test=contradiction(prior, theta, covariance),
         undetermined=diagnosis(model, found.theta, found.factored.information).undetermined,
+        others=(),
         solution=found,
         prior=prior,
     )
@@ -233,13 +252,13 @@ class _Sides(NamedTuple):
     Attributes:
         found: the solution with every beacon on its more probable side.
         gap: (J,) what the other side costs.
-        spread: (T, T) what the doubt adds to the covariance of the free constants.
+        doubt: (T, T) what it adds to the covariance of the free constants.
         square: (T, T) that covariance on this side.
     """
 
     found: Solution
     gap: Array
-    spread: Array
+    doubt: Array
     square: Array
 
 
@@ -252,7 +271,7 @@ def _mirrors(model: Model, found: Solution) -> _Sides:
     height = model.path.height_m[model.logs.epoch].mean() if len(model.logs.epoch) else 0.0
     beacons = model.prior.beacons
     gap = np.full(beacons, np.inf)
-    spread = np.zeros((len(found.theta), len(found.theta)))
+    doubt = np.zeros((len(found.theta), len(found.theta)))
     for beacon, index in enumerate(places_of(model.prior.mean)[:, 2]):
         place = np.flatnonzero(model.free == index)
         if place.size == 0:
@@ -267,8 +286,8 @@ def _mirrors(model: Model, found: Solution) -> _Sides:
             cost, other = again.cost, again.theta
         gap[beacon] = cost - found.cost
         apart = other - found.theta
-        spread += expit(-gap[beacon] / 2) * np.outer(apart, apart)
-    return _Sides(found, gap, spread, mean_square(model, found))
+        doubt += expit(-gap[beacon] / 2) * np.outer(apart, apart)
+    return _Sides(found, gap, doubt, spread(model, found).square)
 
 
 def contradiction(prior: Prior, theta: Array, covariance: Array) -> PriorTest:

@@ -99,6 +99,26 @@ def test_banded_is_dense(seed: int, n: int, b: int, count: int, m: int) -> None:
         np.testing.assert_allclose(block, covariance[own, own], atol=scale * largest)
 
 
+def test_a_bent_valley_is_followed_to_its_end() -> None:
+    """A distance known a thousand times better than the prior: a quarter of a circle to go.
+
+    It takes 560 steps; damped by the diagonal, which the distance fills, 1400.
+    """
+    mean = np.array([0.0, 1.0])
+
+    def ring(x: Array, theta: Array) -> Linearised:
+        chain = Chain(x, -np.ones((1, 1, 1)), np.ones((1, 1, 1)), np.zeros((1, 1, 2)))
+        far = np.linalg.norm(theta)
+        value, slope = 1e3 * (far - 1.0), 1e3 * theta / far
+        seen = Observed(np.zeros(1, dtype=np.intp), value[None], np.zeros((1, 1)), slope[None])
+        cost = float(np.sum(x**2) + value**2 + np.sum((theta - mean) ** 2))
+        return Linearised(chain, seen, theta - mean, np.eye(2), cost)
+
+    found = minimise(ring, np.zeros((1, 1)), np.array([1.0, 0.0]), most=700)
+    assert found.converged
+    np.testing.assert_allclose(found.theta, mean, atol=1e-3)
+
+
 def test_a_step_that_does_not_pay_is_damped() -> None:
     """Gauss-Newton from 3 on arctan runs away; damped steps do not."""
 

@@ -109,6 +109,7 @@ def ranges_along(path: DeadReckoning, logs: Ranges, theta: Array) -> Array:
     return np.sqrt(np.sum(level**2, axis=1) + beacons[:, 2] ** 2)
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(
     heading=st.floats(-3, 3),
