@@ -1,8 +1,9 @@
 # mypy: disable-error-code="import-untyped,misc"
 """Stone Soup on a scene: an extended Kalman filter, global nearest neighbour, a k-d tree.
 
-Put together as its tutorials do, and not tuned to a scene: constant velocity, a gate of 4 sigma,
-tracks begun on two plots and dropped after three seconds without one.
+Put together as its tutorials do: constant velocity and a gate of 4 sigma. Noise of motion, and how
+tracks begin and are dropped, are what served it best at 200 targets: begun on three plots, dropped
+after three scans without one. With these it has a GOSPA of 983 m there, with two plots 1974 m.
 """
 
 from __future__ import annotations
@@ -36,8 +37,9 @@ from bench.tracking.scenes import Scene
 from estimation.arrays import Array, Indices
 
 _EPOCH = datetime(2026, 1, 1)
-_NOISE = 10.0  # spectral density of the acceleration [m^2/s^3]
-_DROPPED_S = 3.0
+_NOISE = 30.0  # spectral density of the acceleration [m^2/s^3]
+_DROPPED_S = 2.2
+_BEGUN_ON = 3  # plots
 
 
 class Associator(DetectionKDTreeMixIn, GNNWith2DAssignment):
@@ -77,7 +79,7 @@ def _tracker(scene: Scene) -> tuple[Callable[..., None], Callable[[], Snapshot]]
         deleter=deleter,
         data_associator=associator,
         updater=updater,
-        min_points=2,
+        min_points=_BEGUN_ON,
         initiator=SimpleMeasurementInitiator(prior),
     )
     tracks: set[Any] = set()
