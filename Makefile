@@ -4,11 +4,11 @@
 PYTHON ?= python3
 VENV ?= .venv
 ARGS ?=
-WORKERS ?= 0
+WORKERS ?= auto
 BENCH_RUNS ?= 20
 
 bin := $(VENV)/bin
-pytest := $(bin)/python -m pytest $(if $(filter-out 0,$(WORKERS)),--numprocesses $(WORKERS) --dist loadfile)
+pytest := $(bin)/python -m pytest --numprocesses $(WORKERS) --maxprocesses 8 --dist loadfile
 benches := $(basename $(notdir $(shell grep -l __main__ bench/*.py)) registration joint_fusion)
 
 .PHONY: demo test test-all bench lint format schemas clean help
@@ -17,7 +17,7 @@ benches := $(basename $(notdir $(shell grep -l __main__ bench/*.py)) registratio
 demo: $(VENV)/installed-view  ## run the default scenario end to end; recording and report go to recordings/
 	$(bin)/crossfix run scenarios/strait.toml --verify --report $(ARGS)
 
-test: $(VENV)/installed-test  ## all tests but the slow ones; ARGS="-k name" picks some, WORKERS=auto takes all cores
+test: $(VENV)/installed-test  ## all tests but the slow ones; ARGS="-k name" picks some, WORKERS=0 takes one core
 	$(pytest) $(ARGS)
 
 test-all: $(VENV)/installed-test  ## all tests, the long statistics too
