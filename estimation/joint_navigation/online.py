@@ -26,7 +26,7 @@ from estimation.frames import rotation_clockwise
 from estimation.system_alignment.losses import huber, tapered
 
 GAUGE = "gauge"
-SIZES = {GAUGE: 3, "carrier": 13, "source": 5, "beacon": 3, "target": 4}
+SIZES = {GAUGE: 3, "carrier": 13, "source": 5, "beacon": 3, "target": 4, "waiting": 1}
 NORTH, TIME, RATE = 0, 1, 2
 """Slots of the gauge: bearing of the founder's north; its clock less true time when clocks were as
 sure as is stated, and by how much more in every second after that."""
@@ -36,12 +36,14 @@ RANGE_SCALE, RANGE_BIAS, PSEUDO_BIAS, CLOCK, CLOCK_DRIFT, STAMP, STAMP_DRIFT = r
 LOG_BIAS, LOG_SCALE, LOG_AZIMUTH, LOG_TIME, LOG_DRIFT = range(5)
 """Slots of a source: what its ranges and bearings show too much, how late it stamps its logs now,
 and how fast that grows."""
+NOTHING = 1e-9
+"""Weight of a measurement that is left out."""
+SURE = 4.0
+"""Variance of a prediction, in that of the noise, up to which the noise says what is far off."""
 
 _QUARTER_TURN = rotation_clockwise(np.pi / 2)
 _HOPELESS = 8.0  # sigmas of the prediction: what is so far off is not used at all
-_SURE = 4.0  # share of the prediction in the variance up to which the noise says what is far off
 _BY_DOF = np.array([1.0, 1.0, 1.19])  # sqrt(chi2) of one and of two dof that are as likely: 2.5, 3
-_NOTHING = 1e-9
 _MOST_STEPS = 4
 _BENT = 0.1  # sigmas of a measurement by which a step may miss what its line foretold
 
@@ -97,6 +99,21 @@ class Rows(NamedTuple):
     unit: Indices
 
 
+class Foretold(NamedTuple):
+    """Measurements as a group expects them.
+
+    Attributes:
+        rows: of them.
+        linked: (m, n) derivatives by what is not known; tied: (m, n) covariance with that.
+        spread: (m, m) covariance of what is predicted, without noise.
+    """
+
+    rows: Rows
+    linked: Array
+    tied: Array
+    spread: Array
+
+
 class Improved(NamedTuple):
     """A group with measurements taken in.
 
@@ -116,7 +133,7 @@ class Improved(NamedTuple):
     @property
     def refused(self) -> NDArray[np.bool_]:
         """(u,) whether each measurement was left out."""
-        return np.asarray(self.weight < 10 * _NOTHING)
+        return np.asarray(self.weight < 10 * NOTHING)
 
     def misclosure(self, units: Sequence[int]) -> tuple[float, int]:
         """Chi2 of some measurements that were not left out, and its degrees of freedom."""
@@ -238,14 +255,17 @@ def improved(joint: Joint, rows_at: Callable[[Array], Rows]) -> Improved:
     Args:
         rows_at: the measurements about any mean (N,).
     """
-    start, rows = joint.mean, rows_at(joint.mean)
-    linked = rows.by[:, joint.free]
-    tied = linked @ joint.covariance
-    spread = tied @ linked.T
-    residual, weight = rows.residual, _weights(rows, spread)
+    first = foretold(joint, rows_at(joint.mean))
+    return weighed(joint, rows_at, first, weights(first))
+
+
+def weighed(
+    joint: Joint, rows_at: Callable[[Array], Rows], first: Foretold, weight: Array
+) -> Improved:
+    """The same with weights (u,) of the measurements, as foretold about the mean there is."""
+    start = mean = joint.mean
+    rows, linked, tied, spread = first
     noise = np.diag(1 / weight[rows.unit])
-    first = spread + noise
-    mean = start
     for _ in range(_MOST_STEPS):
         root = np.linalg.cholesky(spread + noise)
         moved = mean[joint.free] - start[joint.free]
@@ -253,21 +273,27 @@ def improved(joint: Joint, rows_at: Callable[[Array], Rows]) -> Improved:
         half = np.linalg.solve(root, tied)
         there = start.copy()
         there[joint.free] += half.T @ np.linalg.solve(root, innovation)
-        foretold = rows.residual - linked @ (there[joint.free] - mean[joint.free])
+        promised = rows.residual - linked @ (there[joint.free] - mean[joint.free])
         mean, rows = there, rows_at(there)
         believed = np.sqrt(weight[rows.unit])
-        if np.max(np.abs(rows.residual - foretold) * believed, initial=0.0) < _BENT:
+        if np.max(np.abs(rows.residual - promised) * believed, initial=0.0) < _BENT:
             break
-        linked = rows.by[:, joint.free]
-        tied = linked @ joint.covariance
-        spread = tied @ linked.T
+        _, linked, tied, spread = foretold(joint, rows)
     covariance = joint.covariance - half.T @ half
     after = joint._replace(mean=mean, covariance=(covariance + covariance.T) / 2)
-    return Improved(after, weight, residual, first, rows.unit)
+    return Improved(after, weight, first.rows.residual, first.spread + noise, first.rows.unit)
 
 
-def _weights(rows: Rows, spread: Array) -> Array:
+def foretold(joint: Joint, rows: Rows) -> Foretold:
+    """What a group expects of measurements."""
+    linked = rows.by[:, joint.free]
+    tied = linked @ joint.covariance
+    return Foretold(rows, linked, tied, tied @ linked.T)
+
+
+def weights(first: Foretold) -> Array:
     """(u,) how much each measurement is believed."""
+    rows, spread = first.rows, first.spread
     size = np.bincount(rows.unit)
     variance = 1 + np.diag(spread)
     squared = np.bincount(rows.unit, rows.residual**2 / variance)
@@ -278,8 +304,8 @@ def _weights(rows: Rows, spread: Array) -> Array:
         own = spread[np.ix_(which, which)] + np.eye(len(which))
         squared[unit] = rows.residual[which] @ np.linalg.solve(own, rows.residual[which])
     distance = np.sqrt(np.maximum(squared, 0.0)) / _BY_DOF[np.minimum(size, 2)]
-    believed = np.where(unsure < _SURE, tapered(distance)[1], huber(distance)[1])
-    return np.asarray(np.maximum(np.where(distance < _HOPELESS, believed, 0.0), _NOTHING))
+    believed = np.where(unsure < SURE, tapered(distance)[1], huber(distance)[1])
+    return np.asarray(np.maximum(np.where(distance < _HOPELESS, believed, 0.0), NOTHING))
 
 
 class Step(NamedTuple):

@@ -18,6 +18,7 @@ from estimation.joint_navigation.members import (
     with_source,
 )
 from estimation.joint_navigation.online import NORTH, Joint, without
+from estimation.joint_navigation.waiting import waiting_for
 from schemas.messages import DeclaredBeacon, DeclaredCarrier, SourceProperties
 
 from ..navigation import NS, frame_covariance, pose_at
@@ -104,7 +105,9 @@ def left(state: State, carriers: Sequence[str]) -> State:
     gone = [CARRIER + name for name in carriers]
     sources = tuple(f"{SOURCE}{name}/" for name in carriers)
     gone += [name for name in group.names if name.startswith(sources)]
-    after = with_joint(group, without(joint_of(group), gone))
+    joint = joint_of(group)
+    gone += [block for name in carriers for block in waiting_for(joint, CARRIER + name)]
+    after = with_joint(group, without(joint, gone))
     return replace(state, group=replace(after, members=members))
 
 

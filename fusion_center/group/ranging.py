@@ -6,9 +6,11 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from estimation.joint_navigation.online import Improved, carried, improved, velocity_mps
 from estimation.joint_navigation.online_rows import Range, Surroundings, fix_rows, range_rows
+from estimation.joint_navigation.waiting import believed
 from schemas.messages import Navigation, Ranging
 
 from ..navigation import NS, frame_covariance
@@ -80,9 +82,11 @@ def with_ranges(
     group = moved(state, group, members, t_ns)
     joint = joint_of(group)
     there = {CARRIER + name: whereabouts(state, name, t_ns) for name in members}
-    taken = improved(joint, range_rows(joint, ranges, _surroundings(state, group, there)))
-    told = {name: _misclosure(CARRIER + name, ranges, taken) for name in members}
-    return _judged(replace(state, group=with_joint(group, taken.joint)), ranges, taken), told
+    rows = range_rows(joint, ranges, _surroundings(state, group, there))
+    after = believed(joint, t_ns, ranges, rows)
+    told = {name: _misclosure(CARRIER + name, ranges, after.taken) for name in members}
+    refused = after.taken.refused[: len(ranges)] & ~after.waits
+    return _judged(replace(state, group=with_joint(group, after.joint)), ranges, refused), told
 
 
 def _misclosure(member: str, ranges: Sequence[Range], taken: Improved) -> Misclosure:
@@ -142,18 +146,17 @@ def _has_clock(state: State, carrier: str) -> bool:
     return declared is not None and any(d.kind == "pseudorange" for d in declared.ranging)
 
 
-def _judged(state: State, ranges: Sequence[Range], taken: Improved) -> State:
+def _judged(state: State, ranges: Sequence[Range], refused: NDArray[np.bool_]) -> State:
     """The state with ranges counted; a carrier whose ranges contradict its place begins anew."""
     group = state.group
     assert group is not None  # noqa: S101
     members = dict(group.members)
     for number, log in enumerate(ranges):
-        refused = bool(taken.refused[number])
         for end in (log.carrier, log.peer):
             kind, _, name = end.partition("/")
             if kind == CARRIER[:-1]:
                 member = members[name]
-                share = member.refused + _LEARNING * (refused - member.refused)
+                share = member.refused + _LEARNING * (float(refused[number]) - member.refused)
                 count = member.ranges + (end == log.carrier)
                 members[name] = replace(member, refused=share, ranges=count)
     worst = max(sorted(members), key=lambda name: members[name].refused)

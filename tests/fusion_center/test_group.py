@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from bench.in_process import Played, played
 from estimation.frames import Site, on_surface, site_at, target_from_source
 from estimation.joint_navigation.online import NORTH
+from estimation.joint_navigation.waiting import waiting_for
 from fusion_center.group import chosen, frames
 from fusion_center.group.axes import CARRIER, Whereabouts, is_heard
 from fusion_center.group.joining import joint_of, left, takes_part
@@ -123,6 +124,19 @@ def test_a_carrier_whose_ranges_contradict_its_place_begins_anew(state: State) -
         state, _ = with_ranges(state, group_of(state), t_ns, wrong_ranges(state, 1e5)[:1])
     assert sorted(group_of(state).members) == ["one", "two"]
     assert all(member.refused == 0 for member in group_of(state).members.values())
+
+
+def test_who_leaves_takes_along_the_ranges_that_wait() -> None:
+    *_, last = played(SCENARIO, steps=3)
+    group = group_of(last.state)
+    mine = waiting_for(joint_of(group), "carrier/three")
+    others = set(waiting_for(joint_of(group), "carrier/one")) - set(mine)
+    assert len(mine) >= 2
+    assert others
+    after = group_of(left(last.state, ["three"]))
+    assert not set(mine) & set(after.names)
+    assert others <= set(after.names)
+    assert sum(member.refused for member in group.members.values()) == 0
 
 
 def test_one_range_out_of_line_is_borne(state: State) -> None:

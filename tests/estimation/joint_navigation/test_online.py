@@ -49,6 +49,7 @@ from estimation.joint_navigation.online_rows import (
     log_rows,
     range_rows,
 )
+from estimation.joint_navigation.waiting import Believed, believed, waiting_for
 
 ONE, TWO, RADAR, MARK = "carrier/one", "carrier/two", "source/two/radar", "beacon/mark"
 TARGET = "target/t"
@@ -269,6 +270,73 @@ def test_a_log_is_late_by_both_clocks() -> None:
     mean[at + 11], mean[source + LOG_TIME] = 0.3, 0.2
     mean[first] += 100.0
     assert log_rows(joint, [log])(mean).residual == pytest.approx(still, abs=1e-6)
+
+
+# detours, while nothing is known yet
+
+
+def said(joint: Joint, *late_m: float) -> tuple[Joint, list[Believed]]:
+    """A group that hears one link so often, with exact ranges but for what is added to them."""
+    exact, told = float(np.linalg.norm(PLACES[TWO])) + 150.0, []
+    for i, late in enumerate(late_m):
+        ranges = [Range(TWO, MARK, "two_way", exact + late, 5.0)]
+        told.append(believed(joint, i * 10**9, ranges, range_rows(joint, ranges, THERE)))
+        joint = told[-1].joint
+    return joint, told
+
+
+def place_of(joint: Joint) -> Array:
+    first = joint.first(TWO)
+    return joint.mean[first : first + 2]
+
+
+def test_one_range_alone_waits_and_two_that_agree_are_both_taken() -> None:
+    joint = two_carriers()
+    first, told = said(joint, 0.0)
+    assert told[0].waits.tolist() == [True]
+    assert first.mean[: len(joint.mean)] == pytest.approx(joint.mean)
+    both, told = said(joint, 0.0, 1.0)
+    assert told[1].waits.tolist() == [False]
+    assert both.names == joint.names
+    at_once = joint
+    for _ in range(2):
+        ranges = [Range(TWO, MARK, "two_way", float(np.linalg.norm(PLACES[TWO])) + 150.5, 5.0)]
+        at_once = improved(at_once, range_rows(at_once, ranges, THERE)).joint
+    sigma = np.sqrt(np.diag(at_once.of([at_once.first(TWO), at_once.first(TWO) + 1])))
+    assert place_of(both) == pytest.approx(place_of(at_once), abs=0.05 * sigma.min())
+    assert np.diag(both.covariance) == pytest.approx(np.diag(at_once.covariance), rel=0.02)
+
+
+@pytest.mark.parametrize("late_m", [60.0, 300.0])
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_of_three_ranges_the_one_by_a_detour_is_left_out(which: int, late_m: float) -> None:
+    """Wherever it stands, though each of the three alone would have been believed."""
+    joint = two_carriers()
+    late = [late_m * (i == which) for i in range(3)]
+    clean, _ = said(joint, 0.0, 0.0)
+    after, told = said(joint, *late)
+    assert after.names == joint.names
+    assert not told[2].waits.any()
+    assert np.linalg.norm(place_of(after)) == pytest.approx(np.linalg.norm(place_of(clean)), abs=5)
+
+
+def test_what_nothing_bears_out_is_decided_in_the_end_and_leaves_with_its_carrier() -> None:
+    joint, _ = said(two_carriers(), 0.0)
+    assert waiting_for(joint, TWO) == list(joint.names[-1:])
+    assert waiting_for(joint, ONE) == []
+    ranges = [Range(ONE, MARK, "two_way", float(np.linalg.norm(PLACES[ONE])), 5.0)]
+    later = believed(joint, 31 * 10**9, ranges, range_rows(joint, ranges, THERE))
+    assert waiting_for(later.joint, TWO) == []
+    assert np.linalg.norm(place_of(later.joint)) > np.linalg.norm(PLACES[TWO]) + 100
+    assert later.taken.refused.tolist() == [True, False]
+    assert later.waits.tolist() == [True]
+
+
+def test_many_ranges_of_one_link_at_one_instant_are_borne() -> None:
+    joint, exact = two_carriers(), float(np.linalg.norm(PLACES[TWO]))
+    ranges = [Range(TWO, MARK, "two_way", exact + i % 3, 5.0) for i in range(40)]
+    after = believed(joint, 0, ranges, range_rows(joint, ranges, THERE))
+    assert not after.taken.refused.any()
 
 
 # clocks that drift
