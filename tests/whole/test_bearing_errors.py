@@ -9,43 +9,26 @@ import pytest
 
 from bench.in_process import played
 from crossfix.evaluation import frame_errors
-from sim_world.scenario import Scenario, parse_scenario
-from sim_world.scenario.toml_text import toml_text
+from sim_world.scenario import Scenario
+from tests.whole.two_radars import two_radars
 
 ADDED_DEG = {"own": -0.8, "other": 1.2}
 STEPS = 25
 
 
-def carrier(name: str, east_m: float) -> dict[str, Any]:
+def radar(added_deg: float) -> dict[str, Any]:
     return {
-        "name": name,
-        "motion": {"kind": "constant_velocity", "east_m": east_m, "north_m": 0.0},
-        "navigation": {"sigma_position_m": 200.0, "sigma_north_deg": 0.05},
-        "sensors": [
-            {
-                "name": "radar",
-                "sigma_range_m": 30.0,
-                "sigma_bearing_deg": 0.2,
-                "detection_probability": 0.95,
-                "sigma_azimuth_bias_deg": 1.0,
-                "errors": {"azimuth_bias_deg": ADDED_DEG[name]},
-            }
-        ],
+        "sigma_range_m": 30.0,
+        "sigma_bearing_deg": 0.2,
+        "sigma_azimuth_bias_deg": 1.0,
+        "errors": {"azimuth_bias_deg": added_deg},
     }
 
 
 def scene() -> Scenario:
-    tree = {
-        "name": "added",
-        "seed": 3,
-        "time": {"duration_s": STEPS},
-        "origin": {"latitude_deg": -33.0, "longitude_deg": 18.0},
-        "carriers": [carrier("own", 0.0), carrier("other", 9_000.0)],
-        "target_groups": [
-            {"name": "g", "count": 9, "box_m": [-9e3, 15e3, -12e3, 12e3], "speed_mps": [2, 10]}
-        ],
-    }
-    return parse_scenario(toml_text(tree))
+    targets = {"count": 9, "box_m": [-9e3, 15e3, -12e3, 12e3]}
+    radars = {name: radar(added) for name, added in ADDED_DEG.items()}
+    return two_radars(STEPS, radars, targets, sigma_north_deg=0.05)
 
 
 def test_a_turn_of_all_bearings_is_found_and_honestly_claimed() -> None:

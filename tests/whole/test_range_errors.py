@@ -9,45 +9,27 @@ import pytest
 from bench.in_process import played
 from crossfix.evaluation.pictures import picture_errors, summarise_picture
 from schemas.messages import Navigation, Tracks
-from sim_world.scenario import Scenario, parse_scenario
-from sim_world.scenario.toml_text import toml_text
+from sim_world.scenario import Scenario
+from tests.whole.two_radars import two_radars
 
 ADDED = {"own": (90.0, -3e-3), "other": (-70.0, 4e-3)}
 STEPS = 30
 
 
-def carrier(name: str, east_m: float) -> dict[str, Any]:
-    bias_m, scale = ADDED[name]
+def radar(bias_m: float, scale: float) -> dict[str, Any]:
     return {
-        "name": name,
-        "motion": {"kind": "constant_velocity", "east_m": east_m, "north_m": 0.0},
-        "navigation": {"sigma_position_m": 200.0, "sigma_north_deg": 0.5},
-        "sensors": [
-            {
-                "name": "radar",
-                "sigma_range_m": 20.0,
-                "sigma_bearing_deg": 0.15,
-                "detection_probability": 0.95,
-                "sigma_range_bias_m": 80.0,
-                "sigma_range_scale": 3e-3,
-                "errors": {"range_bias_m": bias_m, "range_scale": scale},
-            }
-        ],
+        "sigma_range_m": 20.0,
+        "sigma_bearing_deg": 0.15,
+        "sigma_range_bias_m": 80.0,
+        "sigma_range_scale": 3e-3,
+        "errors": {"range_bias_m": bias_m, "range_scale": scale},
     }
 
 
 def scene() -> Scenario:
-    tree = {
-        "name": "added",
-        "seed": 3,
-        "time": {"duration_s": STEPS},
-        "origin": {"latitude_deg": -33.0, "longitude_deg": 18.0},
-        "carriers": [carrier("own", 0.0), carrier("other", 9_000.0)],
-        "target_groups": [
-            {"name": "g", "count": 14, "box_m": [-12e3, 18e3, -14e3, 14e3], "speed_mps": [2, 10]}
-        ],
-    }
-    return parse_scenario(toml_text(tree))
+    targets = {"count": 14, "box_m": [-12e3, 18e3, -14e3, 14e3]}
+    radars = {name: radar(*added) for name, added in ADDED.items()}
+    return two_radars(STEPS, radars, targets, sigma_north_deg=0.5)
 
 
 def test_range_errors_are_found_and_taken_out_of_the_picture() -> None:
