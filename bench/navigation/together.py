@@ -43,11 +43,10 @@ from estimation.system_alignment.losses import squares
 
 DEG = np.pi / 180
 OWN, CARRIERS, TARGETS = 0, 3, 6
-EPOCHS, INTERVAL_S, LOGS_EVERY = 120, 2.5, 2
+DURATION_S, LOGS_EVERY_S = 300.0, 5.0
 SIGMA_START_M, SIGMA_HEADING_RAD, SIGMA_LOG_TIME_S, SIGMA_CURRENT_MPS = 200.0, 1 * DEG, 0.5, 0.5
 SIGMA_RANGE_M, SIGMA_LOG_M, SIGMA_LOG_RAD = 5.0, 30.0, 0.5 * DEG
 AGILITY = 0.3  # of the targets, m/s^1.5
-SPEED_MPS = 60.0
 SIGMA_SPEED_MPS, SIGMA_COURSE_RAD = 0.63, 0.32 * DEG  # benchmark G's, of the mean of 2.5 s
 PRIOR = CarrierPrior(
     start_m=SIGMA_START_M,
@@ -55,6 +54,24 @@ PRIOR = CarrierPrior(
     current_mps=SIGMA_CURRENT_MPS,
     log_time_s=SIGMA_LOG_TIME_S,
 )
+
+
+class Pace(NamedTuple):
+    """How fast carriers go, and how often they range; reckoning errs alike whatever is chosen."""
+
+    speed_mps: float = 60.0
+    interval_s: float = 2.5
+
+    @property
+    def epochs(self) -> int:
+        """Of the whole run."""
+        return round(DURATION_S / self.interval_s)
+
+    @property
+    def sigmas(self) -> tuple[float, float]:
+        """Of log [m/s] and compass [rad], each the mean of one interval."""
+        longer = np.sqrt(2.5 / self.interval_s)
+        return float(SIGMA_SPEED_MPS * longer), float(SIGMA_COURSE_RAD * longer)
 
 
 class Geometry(NamedTuple):
@@ -75,6 +92,7 @@ class Geometry(NamedTuple):
     turned_rad: float = 0.0
 
 
+OUR_PACE = Pace()
 OURS = Geometry(
     np.array([[-4e3, -3e3], [4e3, -2e3], [0.0, 4e3]]),
     np.radians([30.0, 300.0, 150.0]),
@@ -114,19 +132,22 @@ class Truth(NamedTuple):
 
 
 def scene(
-    rng: np.random.Generator, sigma_log_drift: float = 0.0, where: Geometry = OURS
+    rng: np.random.Generator,
+    sigma_log_drift: float = 0.0,
+    where: Geometry = OURS,
+    pace: Pace = OUR_PACE,
 ) -> tuple[Group, Truth]:
     """One draw of all but the geometry; clocks of logs drift where a sigma of that is given."""
     heading = SIGMA_HEADING_RAD * rng.standard_normal(CARRIERS)
     heading[OWN] = 0.0  # the gauge: with one beacon, any turn about it changes no measurement
     late = SIGMA_LOG_TIME_S * rng.standard_normal(CARRIERS)
-    flown = [_carrier(rng, where, c, heading[c]) for c in range(CARRIERS)]
+    flown = [_carrier(rng, where, pace, c, heading[c]) for c in range(CARRIERS)]
     paths = tuple(path for path, *_ in flown)
     places = np.stack([true for _, true, *_ in flown], axis=1)
     velocity = np.stack([speed for *_, speed, _ in flown], axis=1)
     drift = sigma_log_drift * rng.standard_normal(CARRIERS) if sigma_log_drift else np.zeros(3)
     heard = _ranging(rng, places, where.beacon_m[:2])
-    targets = np.stack([_target(rng, m, where.turned_rad) for m in range(TARGETS)], axis=1)
+    targets = np.stack([_target(rng, m, where.turned_rad, pace) for m in range(TARGETS)], axis=1)
     current = np.array([drawn for *_, drawn in flown])
     truth = Truth(places, targets, heading, late, drift, current)
     group = Group(
@@ -137,26 +158,27 @@ def scene(
         targets=TARGETS,
         agility=AGILITY,
         ranging=heard,
-        logs=_logs(rng, truth, velocity),
+        logs=_logs(rng, truth, velocity, pace),
     )
     return with_north_of(group, OWN), truth
 
 
 def _carrier(
-    rng: np.random.Generator, where: Geometry, carrier: int, bias: float
+    rng: np.random.Generator, where: Geometry, pace: Pace, carrier: int, bias: float
 ) -> tuple[DeadReckoning, Array, Array, Array]:
     """Dead reckoning of a carrier, its true places and velocities over ground (n, 2), current."""
-    course = where.courses_rad[carrier] + where.turns[carrier] * np.linspace(0, np.pi, EPOCHS)
+    epochs, (sigma_speed_mps, sigma_course_rad) = pace.epochs, pace.sigmas
+    course = where.courses_rad[carrier] + where.turns[carrier] * np.linspace(0, np.pi, epochs)
     start = where.starts_m[carrier]
     current = SIGMA_CURRENT_MPS * rng.standard_normal(2)
-    velocity = SPEED_MPS * np.column_stack([np.sin(course), np.cos(course)]) + current
-    places = start + np.cumsum(INTERVAL_S * velocity, axis=0)
+    velocity = pace.speed_mps * np.column_stack([np.sin(course), np.cos(course)]) + current
+    places = start + np.cumsum(pace.interval_s * velocity, axis=0)
     path = dead_reckoning(
-        INTERVAL_S,
-        SPEED_MPS + SIGMA_SPEED_MPS * rng.standard_normal(EPOCHS),
-        course - bias + SIGMA_COURSE_RAD * rng.standard_normal(EPOCHS),
-        SIGMA_SPEED_MPS,
-        SIGMA_COURSE_RAD,
+        pace.interval_s,
+        pace.speed_mps + sigma_speed_mps * rng.standard_normal(epochs),
+        course - bias + sigma_course_rad * rng.standard_normal(epochs),
+        sigma_speed_mps,
+        sigma_course_rad,
         start_m=start + SIGMA_START_M * rng.standard_normal(2),
     )
     return path, places, velocity, current
@@ -164,29 +186,32 @@ def _carrier(
 
 def _ranging(rng: np.random.Generator, places: Array, beacon_m: Array) -> Ranging:
     """Two-way ranges of every pair, and to the beacon, at every epoch."""
-    columns = []
-    nodes = np.concatenate([places, np.broadcast_to(beacon_m, (EPOCHS, 1, 2))], axis=1)
+    columns, epochs = [], len(places)
+    nodes = np.concatenate([places, np.broadcast_to(beacon_m, (epochs, 1, 2))], axis=1)
     for own in range(CARRIERS):
         for peer in range(own + 1, CARRIERS + 1):
             exact = np.linalg.norm(nodes[:, own] - nodes[:, peer], axis=1)
-            value = exact + SIGMA_RANGE_M * rng.standard_normal(EPOCHS)
-            full = np.full(EPOCHS, own), np.full(EPOCHS, peer)
-            columns.append(np.column_stack([np.arange(EPOCHS), *full, value]))
+            value = exact + SIGMA_RANGE_M * rng.standard_normal(epochs)
+            full = np.full(epochs, own), np.full(epochs, peer)
+            columns.append(np.column_stack([np.arange(epochs), *full, value]))
     epoch, own, peer, value = np.vstack(columns).T
     return ranging(epoch, own, peer, value, SIGMA_RANGE_M)
 
 
-def _logs(rng: np.random.Generator, truth: Truth, velocity: Array) -> TargetLogs:
+def _logs(rng: np.random.Generator, truth: Truth, velocity: Array, pace: Pace) -> TargetLogs:
     """Logs of every target by every carrier at every epoch, stamped late."""
     epoch, own, target = (
         index.ravel()
         for index in np.meshgrid(
-            np.arange(0, EPOCHS, LOGS_EVERY), np.arange(CARRIERS), np.arange(TARGETS), indexing="ij"
+            np.arange(0, pace.epochs, round(LOGS_EVERY_S / pace.interval_s)),
+            np.arange(CARRIERS),
+            np.arange(TARGETS),
+            indexing="ij",
         )
     )
     closing = truth.targets[epoch, target, 2:] - velocity[epoch, own]
     apart = truth.targets[epoch, target, :2] - truth.places_m[epoch, own]
-    late_s = truth.log_time_s[own] + truth.log_drift[own] * INTERVAL_S * (epoch + 1)
+    late_s = truth.log_time_s[own] + truth.log_drift[own] * pace.interval_s * (epoch + 1)
     apart = apart - late_s[:, None] * closing
     bearing, distance = polar_from_east_north(apart)
     return target_logs(
@@ -200,17 +225,17 @@ def _logs(rng: np.random.Generator, truth: Truth, velocity: Array) -> TargetLogs
     )
 
 
-def _target(rng: np.random.Generator, target: int, turned_rad: float) -> Array:
+def _target(rng: np.random.Generator, target: int, turned_rad: float, pace: Pace) -> Array:
     """(n, 4) a target that wanders about a straight line through the middle of the scene."""
     course = np.pi / 3 * target + 0.2 + turned_rad
     aside = np.pi / 3 * target * 2 + 1.0 + turned_rad
     velocity = (120 + 20 * target) * np.array([np.sin(course), np.cos(course)])
     middle = 5e3 * np.array([np.sin(aside), np.cos(aside)])
-    dt = INTERVAL_S
+    dt = pace.interval_s
     root = AGILITY * np.linalg.cholesky(np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]))
-    state = np.array([middle - velocity * EPOCHS * dt / 2, velocity])
+    state = np.array([middle - velocity * pace.epochs * dt / 2, velocity])
     states = []
-    for _ in range(EPOCHS):
+    for _ in range(pace.epochs):
         state = np.array([state[0] + dt * state[1], state[1]]) + root @ rng.standard_normal((2, 2))
         states.append(state.ravel())
     return np.array(states)
@@ -264,7 +289,7 @@ def bound_of(group: Group, truth: Truth) -> float:
         theta[constant(carrier, LOG_DRIFT)] = truth.log_drift[carrier]
         theta[CONSTANTS * carrier :][CURRENT] = truth.current_mps[carrier]
     free = theta[group.free]
-    x = np.column_stack([part.reshape(EPOCHS, -1) for part in (truth.places_m, truth.targets)])
+    x = np.column_stack([part.reshape(len(part), -1) for part in (truth.places_m, truth.targets)])
     factored = factor(normal_equations(Factors(group, squares)(x, free)))
     known = Solution(x, free, factored, 0.0, converged=True, steps=0)
     return relative_sigma_m(last_covariance(known))
@@ -311,10 +336,18 @@ def figures(seed: int, runs: int) -> Iterator[Figure]:
     )
 
 
+def random_scenes(seed: int, geometries: int) -> list[tuple[Geometry, Group, Truth]]:
+    """Random geometries, one draw each."""
+    rng, found = np.random.default_rng([seed, 22]), []
+    for _ in range(geometries):
+        where = any_geometry(rng)
+        found.append((where, *scene(rng, where=where)))
+    return found
+
+
 def _anywhere(seed: int, geometries: int) -> Iterator[Figure]:
-    """Random geometries, one draw each: what the posterior bound leaves, and what is reached."""
-    rng = np.random.default_rng([seed, 22])
-    scenes = [scene(rng, where=any_geometry(rng)) for _ in range(geometries)]
+    """Random geometries: what the posterior bound leaves, and what is reached."""
+    scenes = [(group, truth) for _, group, truth in random_scenes(seed, geometries)]
     bounds = np.array([bound_of(*one) for one in scenes])
     for share in (0.1, 0.5, 0.9):
         name = f"random geometries: bound of the relative position, quantile {share}"
