@@ -88,7 +88,9 @@ class Stamp:
         """The tracks of a sensor that tracks; they begin with this life."""
         tracking = sensor.table.tracking
         if tracking and sensor.name not in self._trackers:
-            self._trackers[sensor.name] = RadarTracker(sensor.plots, tracking.process_noise)
+            self._trackers[sensor.name] = RadarTracker(
+                sensor.plots, tracking.process_noise, tracking.sigma_velocity_mps
+            )
         return self._trackers.get(sensor.name)
 
     def manifest(self, carrier: str) -> list[StreamEnd]:

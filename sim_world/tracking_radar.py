@@ -21,7 +21,6 @@ from schemas.messages import SourceProperties
 
 from .logs import Logs
 
-SIGMA_VELOCITY_MPS = 30.0
 GATE = 16.0
 BORN, CONFIRMED, GIVEN_UP = 0.5, 0.95, 0.02
 SEA_LEVEL_M = 0.0
@@ -117,10 +116,13 @@ class RadarTracker:
     Args:
         radar: what it declares of its plots.
         process_noise: q of the targets' velocities that its filters assume [m^2/s^3].
+        sigma_velocity_mps: of a new target's velocity about zero, per axis, as they assume it.
     """
 
-    def __init__(self, radar: SourceProperties, process_noise: float) -> None:
-        self._radar, self._noise = radar, process_noise
+    def __init__(
+        self, radar: SourceProperties, process_noise: float, sigma_velocity_mps: float
+    ) -> None:
+        self._radar, self._noise, self._sigma_mps = radar, process_noise, sigma_velocity_mps
         self._tracks, self._born = _NONE, 0
         area_m2 = np.pi * min(radar.range_max_m, 1e6) ** 2
         self._density = max(radar.clutter_per_scan, LEAST_CLUTTER) / area_m2
@@ -220,7 +222,7 @@ class RadarTracker:
     def _begin(self, place: Array, covariance: Array, at_ns: np.ndarray) -> None:
         """A track of every plot that belongs to none."""
         count = len(place)
-        fresh = begun(place, covariance, SIGMA_VELOCITY_MPS)
+        fresh = begun(place, covariance, self._sigma_mps)
         number = np.arange(self._born + 1, self._born + count + 1)
         self._born += count
         unsaid = np.zeros(count, dtype=np.int64)
@@ -230,11 +232,14 @@ class RadarTracker:
         self._tracks = self._tracks.joined(more)
 
 
+_SIGMA_MPS = 30.0  # where the memory is looked for: it does not depend on where one begins
+
+
 def memory_s(radar: SourceProperties, process_noise: float) -> float:
     """Time in which a track of the radar forgets an error to 1/e, where its plots are worst."""
     sigma = max(radar.sigma_range_m or 0.0, (radar.sigma_bearing_rad or 0.0) * _far_m(radar))
     plot = np.eye(2)[None] * sigma**2
-    state = begun(np.zeros((1, 2)), plot, SIGMA_VELOCITY_MPS)
+    state = begun(np.zeros((1, 2)), plot, _SIGMA_MPS)
     period = radar.period_s
     for _ in range(200):
         before = carried(state, period, process_noise)

@@ -108,7 +108,8 @@ def left(state: State, carriers: Sequence[str]) -> State:
     joint = joint_of(group)
     gone += [block for name in carriers for block in waiting_for(joint, CARRIER + name)]
     after = with_joint(group, without(joint, gone))
-    return replace(state, group=replace(after, members=members))
+    told = {source: t for source, t in group.told.items() if not source.startswith(sources)}
+    return replace(state, group=replace(after, members=members, told=told))
 
 
 def _nobody(pivot_m: Array) -> Group:

@@ -29,8 +29,9 @@ from schemas.messages import SourceProperties, SourceReport
 
 from ..navigation import NS, pose_at, site, way_m
 from ..relative_frames.corrections import Misclosure
-from ..sources.coordinates import Observer, column, instants_ns
+from ..sources.coordinates import Observer, Places, column, instants_ns
 from ..sources.coordinates import places as located
+from ..sources.news import NOTHING_TOLD, has_tracks, news
 from ..state import Group, State
 from .axes import CARRIER, SOURCE, TARGET, whereabouts
 from .joining import joint_of, with_joint, with_source_of
@@ -58,10 +59,11 @@ def with_report(
     if left_out(report):
         return group, {}
     properties = state.sources(report.carrier).get(report.stream, SourceProperties())
-    logs = list(_logs(state, group, report, properties))
+    source = f"{SOURCE}{report.carrier}/{report.stream}"
+    group, found = _located(state, group, report, properties)
+    logs = list(_logs(state, group, report, found))
     if not logs:
         return group, {}
-    source = f"{SOURCE}{report.carrier}/{report.stream}"
     group = moved(state, group, [report.carrier], report.t_ns)
     group = _of_late(state, with_source_of(group, source, properties), report.t_ns)
     carrier = CARRIER + report.carrier
@@ -79,8 +81,6 @@ def with_report(
 
 def left_out(report: SourceReport) -> str:
     """Why none of the logs of a report tells of the joint state, in words; empty: they may."""
-    if any(kind and kind != "plot" for kind in report.kind or ()):
-        return "tracks, which err alike from report to report"
     return "bearings without ranges" if report.bearing_rad and not report.range_m else ""
 
 
@@ -128,20 +128,35 @@ def _of_late(state: State, group: Group, t_ns: int) -> Group:
     return replace(with_joint(group, without(joint_of(group), gone)), targets=targets)
 
 
-def _logs(
+def _located(
     state: State, group: Group, report: SourceReport, properties: SourceProperties
-) -> Iterator[_Log]:
+) -> tuple[Group, Places]:
+    """Where the logs of a report put their targets; of tracks, what is new in them.
+
+    The group remembers for itself what tracks have said: it may hear a source that others do not.
+    """
+    messages = state.carriers[report.carrier].navigation
+    at_ns = instants_ns(report)
+    ways = way_m(messages, at_ns)
+    here = site(pose_at(messages, report.t_ns))
+    observer = Observer(here, ways - way_m(messages, report.t_ns))
+    found = located(report, properties, observer, state.settings.logs.target_altitude_m)
+    if not has_tracks(report, properties):
+        return group, found
+    source = f"{SOURCE}{report.carrier}/{report.stream}"
+    before = group.told.get(source, NOTHING_TOLD)
+    found, told = news(before, report, properties, found, ways)
+    return replace(group, told={**group.told, source: told}), found
+
+
+def _logs(state: State, group: Group, report: SourceReport, found: Places) -> Iterator[_Log]:
     """The logs of a report that are of known targets, along the axes of the scenario."""
     named = _names(state, group, report)
     once = Counter(name for name in named if name)
-    which = [i for i, name in enumerate(named) if name and once[name] == 1]
+    which = [i for i, name in enumerate(named) if name and once[name] == 1 and found.usable[i]]
     if not which:
         return
-    messages = state.carriers[report.carrier].navigation
-    at_ns = instants_ns(report)
-    here = site(pose_at(messages, report.t_ns))
-    ways = way_m(messages, at_ns) - way_m(messages, report.t_ns)
-    found = located(report, properties, Observer(here, ways), state.settings.logs.target_altitude_m)
+    here = site(pose_at(state.carriers[report.carrier].navigation, report.t_ns))
     axes = whereabouts(state, report.carrier, report.t_ns).axes
     east, north = found.east_north_m.T
     seen = on_surface(here, east, north, found.altitude_m) @ axes.rotation[:2].T
@@ -149,12 +164,12 @@ def _logs(
     jitter = np.nan_to_num(column(report.sigma_time_offset_s, len(report)))
     blur = (state.settings.logs.sigma_velocity_mps * jitter) ** 2
     covariance = turn @ found.covariance @ turn.T + blur[:, None, None] * np.eye(2)
-    after_s = (at_ns - report.t_ns) * NS
+    after_s = (instants_ns(report) - report.t_ns) * NS
     for i in which:
-        sane = np.isfinite(covariance[i]).all() and np.linalg.det(covariance[i]) > 0
+        definite = np.linalg.det(covariance[i]) > 0
         far = float(np.hypot(*seen[i]))
         young = abs(after_s[i]) <= state.settings.logs.max_age_s
-        if sane and young and _LEAST_RANGE_M < far < _MOST_RANGE_M:
+        if definite and young and _LEAST_RANGE_M < far < _MOST_RANGE_M:
             yield _Log(TARGET + named[i], seen[i], covariance[i], float(after_s[i]))
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from .carriers import Told
 from .links import Estimate, Monitor
 
 
@@ -54,6 +55,7 @@ class Group(Struct, frozen=True, kw_only=True, eq=False):
         pivot_m: (3,) about which its axes are turned, in those of the scenario.
         names, mean, covariance, free: of the joint state.
         members: by carrier; targets: instant of the place of each, by block.
+        told: what sources that track by themselves have said last, by block.
     """
 
     pivot_m: NDArray[np.float64]
@@ -63,3 +65,4 @@ class Group(Struct, frozen=True, kw_only=True, eq=False):
     free: NDArray[np.int64]
     members: dict[str, Member] = {}
     targets: dict[str, int] = {}
+    told: dict[str, Told] = {}

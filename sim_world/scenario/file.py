@@ -142,10 +142,12 @@ class Tracking(Table, frozen=True, kw_only=True):
 
     Attributes:
         process_noise: q of the targets' velocities that its filters assume [m^2/s^3].
+        sigma_velocity_mps: of a new target's velocity about zero, per axis, as they assume it.
         report: whole tracks with their filter, or what they have learnt since the last report.
     """
 
     process_noise: Annotated[float, Meta(gt=0, le=1e6)] = 0.1
+    sigma_velocity_mps: Annotated[float, Meta(gt=0, le=1e4)] = 30.0
     report: Literal["track", "increment"] = "track"
 
 

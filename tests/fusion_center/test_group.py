@@ -16,6 +16,7 @@ from fusion_center.group import chosen, frames
 from fusion_center.group.axes import CARRIER, Whereabouts, is_heard
 from fusion_center.group.joining import joint_of, left, takes_part
 from fusion_center.group.ranging import finite, with_fix, with_ranges
+from fusion_center.sources.news import NOTHING_TOLD
 from fusion_center.state import Group, Link, Monitor, State
 from schemas.messages import Navigation, Ranging
 from sim_world.scenario import load_scenario, with_overrides
@@ -137,6 +138,12 @@ def test_who_leaves_takes_along_the_ranges_that_wait() -> None:
     assert not set(mine) & set(after.names)
     assert others <= set(after.names)
     assert sum(member.refused for member in group.members.values()) == 0
+
+
+def test_who_leaves_takes_along_what_its_tracks_have_said(state: State) -> None:
+    told = {f"source/{name}/radar": NOTHING_TOLD for name in ("one", "three")}
+    tracked = replace(state, group=replace(group_of(state), told=told))
+    assert set(group_of(left(tracked, ["three"])).told) == {"source/one/radar"}
 
 
 def test_one_range_out_of_line_is_borne(state: State) -> None:
