@@ -129,11 +129,14 @@ def gauge(prior: RelativeFramePrior, batch: tuple[int, ...]) -> Gauge:
 
 
 def root_of(covariance: Array) -> Array:
-    """A square root (..., n, n) of covariances of mixed units, which may be singular."""
+    """A square root (..., n, n) of covariances of mixed units, which may be singular.
+
+    What is known, with a variance of 0, stays known: its row is 0, not rounding.
+    """
     sigmas = np.sqrt(np.einsum("...ii->...i", covariance))
     scale = np.where(sigmas > 0, sigmas, 1)
     variances, axes = np.linalg.eigh(covariance / (scale[..., :, None] * scale[..., None, :]))
-    root: Array = scale[..., None] * axes * np.sqrt(np.maximum(variances, 0))[..., None, :]
+    root: Array = sigmas[..., None] * axes * np.sqrt(np.maximum(variances, 0))[..., None, :]
     return root
 
 

@@ -140,6 +140,24 @@ def test_range_errors_are_found_and_honest() -> None:
     assert (np.mean(surer, axis=0) < [0.8, 0.8]).all()
 
 
+def test_what_is_known_of_ranges_stays_known_exactly() -> None:
+    """Rounding must not make it an unknown, which would be told as an error of a nanometre."""
+    rng = np.random.default_rng(6)
+    w = world(rng, 3)
+    p = np.diag([100.0, 100.0, 0.5 * DEG]) ** 2
+    joint = own_alone(SIGMA_U, 0.0)
+    for i in (1, 2):
+        joint = joint.joined_by(OwnAxesFrame(w.frame(i)[:2], w.frame(i)[2], p), SIGMA_U, 0.0)
+    targets = rng.uniform(-12e3, 12e3, (12, 2))
+    for _ in range(5):
+        w, way = moved(rng, w, 2.0)
+        joint = improved_by(carried_on(joint, elapsed(2.0, way)), logged(rng, w, targets)).joint
+    for carrier in range(3):
+        ranges = joint.ranges(carrier)
+        assert not ranges.mean.any()
+        assert not ranges.covariance.any()
+
+
 def test_one_instant_of_two_carriers_is_the_pairwise_update() -> None:
     """Without range errors and drift: to a thousandth of a sigma."""
     rng = np.random.default_rng(3)
