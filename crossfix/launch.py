@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -19,7 +18,6 @@ from schemas.errors import LaunchError
 
 from .children import Nursery, Process, spawn
 
-DEFAULT_PORT = 7447
 LEAVE_S = 15.0
 """How long processes may take to leave once the run has ended."""
 FAIL_S = 6.0
@@ -27,6 +25,9 @@ FAIL_S = 6.0
 KILL_S = 5.0
 """Between the request to leave and the kill."""
 POLL_S = 0.02
+HUB_PAUSE_S = 1.0
+"""Between two starts of a hub that dies each time."""
+LISTENS = "listening on "
 INTERRUPTED = 128 + signal.SIGINT
 """Exit code of a run that Ctrl-C has ended before its recording was finished."""
 
@@ -57,15 +58,13 @@ class Launch:
     """The processes of a run: hub, world, carriers, fusion centre.
 
     Args:
-        endpoint: of the hub, which is started here unless `own_hub` is false.
         say: takes a line for people, and the name of the process it comes from.
     """
 
-    def __init__(
-        self, endpoint: str, say: Callable[[str, str], None], *, own_hub: bool = True
-    ) -> None:
-        self.endpoint, self._say, self._own_hub = endpoint, say, own_hub
-        self._hub = Child("hub", ["schemas.bus.hub", "--listen", endpoint])
+    def __init__(self, say: Callable[[str, str], None]) -> None:
+        self._say = say
+        self._hub: Child | None = None
+        self._hub_started_s = 0.0
         self._nursery = Nursery()
         self._children: list[Child] = []
         self._readers: list[threading.Thread] = []
@@ -86,14 +85,42 @@ class Launch:
     ) -> None:
         self.kill()
 
-    def start(self, children: Sequence[Child]) -> None:
-        """Start the hub and everything else at once; clients wait for the hub by themselves.
+    def start_hub(self, listen: str | None = None) -> str:
+        """Start a hub of our own and wait until it listens; should it die, it is started again.
 
-        More may be started later, beside what runs.
+        The hub itself takes its port, so two launches at one time never share one.
+
+        Args:
+            listen: endpoint, port 0 takes a free one; by default the usual port, or a free one
+                where that is taken.
+
+        Returns:
+            The endpoint it listens on.
+
+        Raises:
+            LaunchError: it cannot listen there.
         """
-        hub = [self._hub] if self._own_hub and not self._children else []
+        where = ["--listen", listen] if listen else []
+        hub = Child("hub", ["schemas.bus.hub", *where])
+        hub.start(self._nursery)
+        assert hub.process.stdout is not None  # noqa: S101 (a pipe was asked for)
+        line = hub.process.stdout.readline().rstrip()
+        if not line.startswith(LISTENS):
+            hub.process.stdout.close()
+            hub.process.wait()
+            advice = "a hub that starts: `crossfix doctor` tells what is wrong"
+            raise LaunchError("the hub did not start", got=line, expected=advice)
+        self._say(hub.name, line)
+        endpoint = line.removeprefix(LISTENS)
+        hub.arguments = ["schemas.bus.hub", "--listen", endpoint]
+        self._hub, self._hub_started_s = hub, time.monotonic()
+        self._listen_to(hub)
+        return endpoint
+
+    def start(self, children: Sequence[Child]) -> None:
+        """Start processes, which wait for their hub by themselves; more may follow later."""
         self._children += children
-        for child in [*hub, *children]:
+        for child in children:
             self._start(child)
 
     def watch(self, turn: Callable[[], None]) -> int:
@@ -138,7 +165,7 @@ class Launch:
 
     def kill(self) -> None:
         """End everything at once."""
-        for child in [*self._children, self._hub]:
+        for child in self._all():
             if hasattr(child, "process"):
                 child.send(signal.SIGKILL)
                 child.process.wait()
@@ -146,10 +173,16 @@ class Launch:
 
     def pid(self, name: str) -> int:
         """Process id of a child."""
-        return next(c.process.pid for c in [*self._children, self._hub] if c.name == name)
+        return next(child.process.pid for child in self._all() if child.name == name)
+
+    def _all(self) -> Sequence[Child]:
+        return [*self._children, self._hub] if self._hub else self._children
 
     def _start(self, child: Child) -> None:
         child.start(self._nursery)
+        self._listen_to(child)
+
+    def _listen_to(self, child: Child) -> None:
         reader = threading.Thread(target=self._read, args=(child,), daemon=True)
         reader.start()
         self._readers.append(reader)
@@ -170,9 +203,14 @@ class Launch:
             if not child.ended and (code := child.process.poll()) is not None:
                 child.ended = True
                 self._on_end(child, code)
-        if self._own_hub and self._hub.process.poll() is not None:
+        if self._hub and self._hub.process.poll() is not None:
+            self._restart(self._hub)
+
+    def _restart(self, hub: Child) -> None:
+        if time.monotonic() - self._hub_started_s > HUB_PAUSE_S:
             self._say("launch", "the hub has died; starting it again")
-            self._start(self._hub)
+            self._hub_started_s = time.monotonic()
+            self._start(hub)
 
     def _on_end(self, child: Child, code: int) -> None:
         if code and self.exit_code != INTERRUPTED:
@@ -194,7 +232,7 @@ class Launch:
                 child.send(number)
 
     def _stop_hub(self) -> None:
-        if not self._own_hub:
+        if self._hub is None:
             return
         self._hub.send(signal.SIGTERM)
         try:
@@ -216,19 +254,6 @@ def become(module: str, arguments: Sequence[str]) -> NoReturn:
 def exit_code(code: int) -> int:
     """The exit code a shell would show: 128 + signal for a killed process."""
     return 128 - code if code < 0 else code
-
-
-def free_endpoint(port: int = DEFAULT_PORT) -> str:
-    """A local endpoint nobody listens on: the default port, or any where that is taken."""
-    for candidate in (port, 0):
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind(("127.0.0.1", candidate))
-            except OSError:
-                continue
-            return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    raise LaunchError("no free port on 127.0.0.1", expected="one to listen on")
 
 
 def _meaning(code: int) -> str:

@@ -15,9 +15,10 @@ from schemas.messages import DeclaredScenario
 from schemas.recording.parts import parts_of
 from sim_world.scenario import load_scenario, parse_override
 
+from .commands import ENDPOINT
 from .commands.run import RunOptions
 from .commands.verify import verify
-from .launch import DEFAULT_PORT, Child, Launch, free_endpoint
+from .launch import Child, Launch
 from .new_file import new_recording, require_new
 from .progress import Watcher, new_console
 from .report import require_bokeh
@@ -39,15 +40,16 @@ def carry_out(path: Path, options: RunOptions) -> int:
     run = keys.require_id(options.name or declared.name)
     recording = options.output or new_recording(run)
     console = new_console()
-    endpoint = options.connect or free_endpoint()
     with (
         Watcher(run, declared.steps, console) as watcher,
-        Launch(endpoint, watcher.say, own_hub=options.connect is None) as launch,
+        Launch(watcher.say) as launch,
     ):
+        endpoint = options.connect or launch.start_hub()
         if options.connect:
             _refuse_if_alive(run, endpoint)
-        if options.connect is None and not endpoint.endswith(f":{DEFAULT_PORT}"):
-            watcher.say("launch", f"port {DEFAULT_PORT} is taken: join with --connect {endpoint}")
+        elif endpoint != ENDPOINT:
+            taken = f"{ENDPOINT} is taken: join this run with --connect {endpoint}"
+            watcher.say("launch", taken)
         _on_interrupt(lambda: launch.interrupt(begun=watcher.steps_seen > 0))
         launch.start(processes(path, declared, run, recording, endpoint, options))
         with open_bus(endpoint, HUB_S) as bus:
@@ -56,9 +58,9 @@ def carry_out(path: Path, options: RunOptions) -> int:
     if files := parts_of(recording) if recording.parent.is_dir() else []:
         console.print(f"recording: {', '.join(map(str, files))}", highlight=False)
         show_results(files[-1], as_json=options.json)
-        if options.verify:
+        if options.verify and not code:
             console.print("verify: fusing the recording again", highlight=False)
-            code = code or verify(recording, refuse=True)
+            code = verify(recording, refuse=True)
         if options.report:
             console.print(f"report: {_drawn(recording)}", highlight=False)
     return code

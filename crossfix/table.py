@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 
 from .evaluation import CUTOFF_M, AlignmentSummary, FrameSummary, PictureSummary
@@ -36,6 +37,8 @@ ALIGNMENT_NOTE = (
     "Root mean squares over the second half of the run, along true north. Clocks are counted from "
     "the own one."
 )
+
+MOST_COLUMNS = 1000
 
 PICTURE_HEADINGS = (
     "targets", "tracks", "missed", "false", "GOSPA", "error", "NEES/dim", "names changed"
@@ -74,8 +77,8 @@ def print_frames(summaries: list[FrameSummary]) -> None:
         table.add_row(s.state, "place, fixed axes", *fixed)
         targets = quantity(s.pairs, ".1f", " targets")
         table.add_row(targets, "north", *north, _degrees(s.sigma_rad), end_section=True)
+    _show(table)
     console = Console()
-    console.print(table, highlight=False)
     for s in summaries:
         if s.reason:
             console.print(f"{s.carrier}: {s.reason}", highlight=False)
@@ -100,7 +103,7 @@ def print_alignment(alignment: WholeAlignment) -> None:
             for row in alignment_rows(s, _degrees):
                 table.add_row(*row)
             table.add_section()
-        console.print(table, highlight=False)
+        _show(table)
     if alignment.beacons:
         table = _table("Beacons at the end", "")
         table.add_column("beacon", no_wrap=True)
@@ -108,7 +111,7 @@ def print_alignment(alignment: WholeAlignment) -> None:
             table.add_column(heading, justify="right", no_wrap=True)
         for b in alignment.beacons:
             table.add_row(b.beacon, metres(b.declared_m), metres(b.found_m), metres(b.sigma_m))
-        console.print(table, highlight=False)
+        _show(table)
     for words in not_observable(alignment):
         console.print(words, highlight=False)
 
@@ -145,7 +148,7 @@ def print_picture(picture: PictureSummary) -> None:
     for heading in PICTURE_HEADINGS:
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_row(*picture_cells(picture))
-    Console().print(table, highlight=False)
+    _show(table)
 
 
 def picture_cells(picture: PictureSummary) -> tuple[str, ...]:
@@ -171,6 +174,14 @@ def _table(title: str, note: str) -> Table:
         padding=(0, 0, 0, 1),
         pad_edge=False,
     )
+
+
+def _show(table: Table) -> None:
+    """Print it as wide as its figures are, whatever the terminal: none is cut short."""
+    console = Console()
+    unbounded = console.options.update(max_width=MOST_COLUMNS)
+    console.width = max(console.width, Measurement.get(console, unbounded, table).maximum)
+    console.print(table, highlight=False)
 
 
 def _add_errors(table: Table, whose: str, before: str, after: str) -> None:

@@ -52,7 +52,7 @@ def _run(endpoint: str, scenario: Path, recording: Path, deadline_s: float) -> f
         if time.monotonic() - started_s > deadline_s:
             raise LaunchError(f"not done in {deadline_s:g} s", where=WHAT, got=_last(said))
 
-    with Launch(endpoint, lambda name, line: said.append(f"{name}: {line}"), own_hub=False) as all_:
+    with Launch(lambda name, line: said.append(f"{name}: {line}")) as all_:
         all_.start(processes(scenario, declared, run, recording, endpoint, RunOptions()))
         if code := all_.watch(turn):
             raise LaunchError(f"exit code {code} of {all_.failed}", where=WHAT, got=_last(said))

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from crossfix.children import spawn
-from crossfix.launch import DEFAULT_PORT
+from crossfix.commands import ENDPOINT
 from schemas import keys
 from schemas.bus.interface import Bus, Inbox, Sample
 from schemas.bus.zenoh_bus import open_bus
@@ -21,6 +21,7 @@ from schemas.qos import CONTROL
 
 from .finding import Finding
 
+DEFAULT_PORT = int(ENDPOINT.rpartition(":")[2])
 HUB_S = 3.0
 LISTENS = "listening on "
 PINGS, WARM_UP = 300, 20

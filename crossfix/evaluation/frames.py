@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right, insort
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -206,10 +207,18 @@ def summarise(
 
 def symmetric(triangle: Sequence[float]) -> np.ndarray:
     """The symmetric matrix (n, n) of a row-major upper triangle."""
-    order = int(((8 * len(triangle) + 1) ** 0.5 - 1) / 2)
-    matrix = np.zeros((order, order))
-    matrix[np.triu_indices(order)] = triangle
-    return matrix + np.triu(matrix, 1).T
+    matrix: np.ndarray = np.asarray(triangle, dtype=float)[_of_triangle(len(triangle))]
+    return matrix
+
+
+@cache
+def _of_triangle(count: int) -> np.ndarray:
+    """Where in an upper triangle of so many numbers each element of its matrix stands."""
+    order = int(((8 * count + 1) ** 0.5 - 1) / 2)
+    where = np.zeros((order, order), dtype=int)
+    rows, columns = np.triu_indices(order)
+    where[rows, columns] = where[columns, rows] = np.arange(count)
+    return where
 
 
 def _error(

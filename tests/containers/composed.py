@@ -6,6 +6,7 @@ import json
 import os
 import re
 import shlex
+import socket
 import subprocess
 import sys
 import time
@@ -17,7 +18,6 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from crossfix.launch import free_endpoint
 from schemas import codec, keys
 from schemas.bus.interface import Bus, Inbox, Sample
 from tests.containers.engine import compose_command, docker, run
@@ -33,11 +33,14 @@ class Composed:
     """A compose project of its own; `with` removes its containers, network and volume."""
 
     def __init__(self, checkout: Path, image: str, duration_s: int) -> None:
-        self.endpoint = free_endpoint(port=0)
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = str(probe.getsockname()[1])
+        self.endpoint = f"tcp/127.0.0.1:{port}"
         self._checkout, self._name = checkout, f"{image}-{duration_s}"
         self._variables = {
             "CROSSFIX_IMAGE": image,
-            "CROSSFIX_PORT": self.endpoint.rpartition(":")[2],
+            "CROSSFIX_PORT": port,
             "CROSSFIX_DURATION_S": str(duration_s),
             "COMPOSE_PROJECT_NAME": self._name,
         }

@@ -214,8 +214,8 @@ def test_an_output_that_cannot_be_written(
 
 def test_a_report_that_cannot_be_written(refused: Callable[..., Outcome]) -> None:
     record(Path("run.mcap"))
-    for output in ("folder", "nowhere/report.html"):
-        assert "expected --output elsewhere" in refused("report", "run.mcap", "-o", output).err
+    for output, advice in (("folder", "--output elsewhere"), ("nowhere/x.html", "mkdir it first")):
+        assert f"expected {advice}" in refused("report", "run.mcap", "-o", output).err
     assert "would overwrite its recording" in refused("report", "run.mcap", "-o", "run.mcap").err
 
 

@@ -384,7 +384,21 @@ def test_a_page_that_cannot_be_written_is_one_line(
     shown = crossfix("report", whole, "-o", folder / "nowhere" / "report.html")
     assert shown.code == 2
     assert shown.err.startswith("error: ")
-    assert "cannot write the report" in shown.err
+    assert "no such folder" in shown.err
+
+
+@pytest.mark.parametrize(
+    ("page", "reason"), [("nowhere/report.html", "no such folder"), (".", "Is a directory")]
+)
+def test_a_page_that_cannot_be_written_is_found_before_the_recording_is_read(
+    page: str, reason: str, tmp_path: Path, crossfix: Crossfix
+) -> None:
+    unreadable = tmp_path / "long.mcap"
+    unreadable.write_bytes(b"no recording")
+    shown = crossfix("report", unreadable, "-o", tmp_path / page)
+    assert shown.code == 2
+    assert reason in shown.err
+    assert len(shown.err.splitlines()) == 1
 
 
 @given(st.lists(st.integers(0, 50), max_size=200), st.integers(50, 500))

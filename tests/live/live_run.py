@@ -15,7 +15,7 @@ from typing import TypeVar
 import msgspec
 
 from crossfix.commands.run import RunOptions
-from crossfix.launch import Launch, free_endpoint
+from crossfix.launch import Launch
 from crossfix.running import processes
 from schemas import codec, keys
 from schemas.bus.interface import Inbox, Liveness, Sample
@@ -46,8 +46,8 @@ class LiveRun:
         self.lines: list[str] = []
         self.declared = load_scenario(scenario).declared
         self.run = self.declared.name
-        self.endpoint = free_endpoint(port=0)
-        self.launch = Launch(self.endpoint, lambda name, line: self.lines.append(f"{name} {line}"))
+        self.launch = Launch(lambda name, line: self.lines.append(f"{name} {line}"))
+        self.endpoint = self.launch.start_hub("tcp/127.0.0.1:0")
         options = options or RunOptions()
         self._children = processes(
             scenario, self.declared, self.run, output, self.endpoint, options
