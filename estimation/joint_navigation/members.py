@@ -33,7 +33,6 @@ from estimation.joint_navigation.online import (
 )
 
 QUARTER_TURN = rotation_clockwise(np.pi / 2)
-_NO_SLOTS = np.zeros((0, 0))
 
 
 class CarrierStart(NamedTuple):

@@ -33,10 +33,6 @@ NAMES = (
     "range scale of the other against own",
     "clock offset of the other",
 )
-COMMON_SCALE = (
-    "a range scale common to both carriers is never observable: "
-    "targets and baseline stretch together"
-)
 
 
 class SensorErrorPrior(NamedTuple):

@@ -9,34 +9,21 @@ from estimation.tracking.bank import (
     improved,
     innovations,
 )
-from estimation.tracking.existence import SUREST, missed, seen, survived
-from estimation.tracking.source_tracks import (
-    Matches,
-    Scan,
-    Sensing,
-    assigned,
-    expected,
-    log_ratio,
-    matched,
-)
+from estimation.tracking.existence import SUREST, missed, seen
+from estimation.tracking.source_tracks import Sensing, assigned, log_ratio
 
 __all__ = [
     "EMPTY",
     "SUREST",
     "Bank",
     "Innovations",
-    "Matches",
-    "Scan",
     "Sensing",
     "assigned",
     "begun",
     "carried",
-    "expected",
     "improved",
     "innovations",
     "log_ratio",
-    "matched",
     "missed",
     "seen",
-    "survived",
 ]

@@ -17,12 +17,6 @@ SUREST = 0.999
 """No track is surer of its target: one that is gone must be given up in a few looks."""
 
 
-def survived(existence: Array, elapsed_s: Array, lifetime_s: float) -> Array:
-    """(n,) probabilities some time later, before anything is seen."""
-    later: Array = existence * np.exp(-np.abs(elapsed_s) / lifetime_s)
-    return later
-
-
 def seen(existence: Array, log_ratio: Array, detection: float) -> Array:
     """(k,) probabilities after a plot each (eqs 8-10): it may be of the target or of clutter."""
     odds = existence / (1 - existence) * (1 - detection + np.exp(np.minimum(log_ratio, 50.0)))

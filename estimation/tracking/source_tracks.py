@@ -12,7 +12,7 @@ import numpy as np
 
 from estimation.arrays import Array
 from estimation.relative_frame.matrices import Indices
-from estimation.tracking.bank import Bank, Innovations, innovations
+from estimation.tracking.bank import Innovations
 
 
 class Sensing(NamedTuple):
@@ -23,53 +23,12 @@ class Sensing(NamedTuple):
         gate: chi-squared of 2 within which a plot may belong to a track.
         detection: probability that a look sees a target.
         clutter_density: false plots expected on a square metre in a look.
-        lifetime_s: for which a target that is there stays, on average.
     """
 
     process_noise: float
     gate: float
     detection: float
     clutter_density: float
-    lifetime_s: float
-
-
-class Scan(NamedTuple):
-    """The m plots of one look.
-
-    Attributes:
-        at_s: (m,) when each was measured.
-        place_m: (m, 2) along the axes of the tracks.
-        covariance: (m, 2, 2) [m^2].
-    """
-
-    at_s: Array
-    place_m: Array
-    covariance: Array
-
-
-class Matches(NamedTuple):
-    """Pairs (k,) of a track and its plot, and ln of how much likelier a target is than clutter."""
-
-    track: Indices
-    plot: Indices
-    log_ratio: Array
-
-
-def matched(bank: Bank, at_s: Array, scan: Scan, sensing: Sensing) -> Matches:
-    """The likeliest one-to-one pairs of n tracks and m plots.
-
-    Args:
-        at_s: (n,) times of the tracks, on the scale of the scan's.
-    """
-    found = expected(bank, at_s, scan, sensing)
-    track, plot = assigned(found, sensing.gate)
-    return Matches(track, plot, log_ratio(found, sensing)[track, plot])
-
-
-def expected(bank: Bank, at_s: Array, scan: Scan, sensing: Sensing) -> Innovations:
-    """Every plot against every track."""
-    elapsed = scan.at_s - at_s[:, None]
-    return innovations(bank, elapsed, sensing.process_noise, scan.place_m, scan.covariance)
 
 
 def log_ratio(found: Innovations, sensing: Sensing) -> Array:

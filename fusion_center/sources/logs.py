@@ -97,12 +97,8 @@ def with_report(
     """
     settings = rules.logs
     fresh = _read(report, places, way_m, settings)
-    now = sensing(
-        rules.source,
-        np.concatenate([places.east_north_m, np.zeros((1, 2))]),
-        rules.tracking,
-        settings.max_age_s,
-    )
+    seen_m = np.concatenate([places.east_north_m, np.zeros((1, 2))])
+    now = sensing(rules.source, seen_m, rules.tracking)
     twice = {name for name, count in Counter(fresh.key).items() if name and count > 1}
     fresh, born = _with_nameless(logs, fresh, now)
     single = np.array([name not in twice for name in fresh.key], dtype=np.bool_)

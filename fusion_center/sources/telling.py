@@ -18,8 +18,6 @@ from schemas.messages import FeatureInfo
 from ..state import Dictionary, State
 from .features import Heard, dictionary, fitted, is_number, layout
 
-NOTHING_TOLD_APART = np.zeros((0, 0))
-
 
 class Telling(NamedTuple):
     """How rows are read and compared.

@@ -69,9 +69,7 @@ class Filters(NamedTuple):
     hits: NDArray[np.int64]
 
 
-def sensing(
-    properties: SourceProperties, places_m: Array, settings: TrackingSettings, lifetime_s: float
-) -> Sensing:
+def sensing(properties: SourceProperties, places_m: Array, settings: TrackingSettings) -> Sensing:
     """What is assumed of a source, from what it declares.
 
     Args:
@@ -86,7 +84,6 @@ def sensing(
         gate=settings.gate,
         detection=float(np.clip(properties.detection_probability, *DETECTION)),
         clutter_density=false / (np.pi * reach_m**2),
-        lifetime_s=lifetime_s,
     )
 
 

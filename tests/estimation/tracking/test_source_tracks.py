@@ -12,16 +12,15 @@ from estimation.tracking import (
     SUREST,
     Bank,
     Innovations,
-    Scan,
     Sensing,
     assigned,
     begun,
     carried,
     improved,
-    matched,
+    innovations,
+    log_ratio,
     missed,
     seen,
-    survived,
 )
 
 AREA_M2 = 10_000.0**2
@@ -29,7 +28,7 @@ R = 30.0**2 * np.eye(2)
 
 
 def sensing(detection: float = 0.9, clutter: float = 20.0) -> Sensing:
-    return Sensing(0.5, 16.0, detection, clutter / AREA_M2, 1e4)
+    return Sensing(0.5, 16.0, detection, clutter / AREA_M2)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -54,9 +53,10 @@ def test_plots_find_their_tracks_at_their_own_times() -> None:
     """Targets that cross: a rotating radar sees each at another time."""
     state = np.array([[0.0, 0.0, 50.0, 0.0], [100.0, 0.0, -50.0, 0.0]])
     bank = Bank(state, np.tile(np.diag([25.0, 25.0, 1.0, 1.0]), (2, 1, 1)))
-    scan = Scan(np.array([2.0, 1.8]), np.array([[100.0, 0.0], [10.0, 0.0]]), np.array([R, R]))
-    found = matched(bank, np.zeros(2), scan, sensing())
-    assert dict(zip(found.track, found.plot, strict=True)) == {0: 0, 1: 1}
+    elapsed_s, plots = np.array([2.0, 1.8]), np.array([[100.0, 0.0], [10.0, 0.0]])
+    found = innovations(bank, elapsed_s, sensing().process_noise, plots, np.array([R, R]))
+    track, plot = assigned(found, sensing().gate)
+    assert dict(zip(track, plot, strict=True)) == {0: 0, 1: 1}
 
 
 def followed(rng: np.random.Generator, runs: int, *, there: bool, looks: int = 4) -> Array:
@@ -69,20 +69,20 @@ def followed(rng: np.random.Generator, runs: int, *, there: bool, looks: int = 4
     for run in range(runs):
         truth = np.array([0.0, 0.0, *rng.normal(0, 8, 2)])
         bank = begun(rng.multivariate_normal(truth[:2], R, 1), R[None], 15.0)
-        r, alive_s = np.array([0.5]), 0.0
+        r = np.array([0.5])
         for _ in range(looks):
-            alive_s += 1.0
             truth[:2] += truth[2:]
             clutter = rng.poisson(now.clutter_density * 4 * near_m**2)
             plots = rng.uniform(-near_m, near_m, (clutter, 2))
             if there and rng.random() < now.detection:
                 plots = np.vstack([plots, rng.multivariate_normal(truth[:2], R, 1)])
-            scan = Scan(np.ones(len(plots)), plots, np.tile(R, (len(plots), 1, 1)))
-            found = matched(bank, np.zeros(1), scan, now)
-            r, bank = survived(r, np.ones(1), now.lifetime_s), carried(bank, 1.0, now.process_noise)
-            if found.track.size:
-                r = seen(r, found.log_ratio, now.detection)
-                bank = improved(bank, plots[found.plot], scan.covariance[found.plot])
+            spread = np.tile(R, (len(plots), 1, 1))
+            found = innovations(bank, np.ones((1, len(plots))), now.process_noise, plots, spread)
+            track, plot = assigned(found, now.gate)
+            bank = carried(bank, 1.0, now.process_noise)
+            if track.size:
+                r = seen(r, log_ratio(found, now)[track, plot], now.detection)
+                bank = improved(bank, plots[plot], spread[plot])
             else:
                 r = missed(r, now.detection)
         existence[run] = r[0]
