@@ -9,7 +9,7 @@ BENCH_RUNS ?= 20
 
 bin := $(VENV)/bin
 pytest := $(bin)/python -m pytest --numprocesses $(WORKERS) --maxprocesses 8 --dist loadfile
-benches := $(basename $(notdir $(shell grep -l __main__ bench/*.py)) registration joint_fusion)
+benches := $(basename $(notdir $(shell grep -l __main__ bench/*.py)) fleets registration joint_fusion)
 
 .PHONY: demo test test-all bench lint format schemas clean help
 .DEFAULT_GOAL := help

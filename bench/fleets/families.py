@@ -1,34 +1,23 @@
-"""Random fleets that nobody has tuned for: what the fusion centre makes of each, by family.
+"""Random fleets, drawn by family and seed: scenarios that nobody has tuned for.
 
-    python -m bench.fleets [--seed N] [--runs N] [--json]
-
-`--runs` counts fleets, the families in turn. Each is a scenario in process: two to eight carriers
-1 to 60 km apart, anywhere on Earth, radars of every quality, priors of 50 m to 3 km and .5 to 10
-deg with errors drawn from them, three to sixty targets. It is played with its errors and with none.
+Two to eight carriers 1 to 60 km apart, anywhere on Earth, radars of every quality, priors of 50 m
+to 3 km and .5 to 10 deg with errors drawn from them, three to sixty targets; each family alters
+something of that.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Callable, Container, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from bench.figures import Figure, at_least, at_most, between, cpu_scale, options, report, told
-from bench.in_process import played
-from crossfix.evaluation import FrameError, PictureSummary, frame_errors
-from crossfix.evaluation.pictures import picture_errors, summarise_picture
-from estimation.consistency import mean_interval
-from schemas.messages import Correction, Navigation, Tracks
-from sim_world.scenario import Scenario, parse_scenario, with_overrides
+from sim_world.scenario import Scenario, parse_scenario
 from sim_world.scenario.toml_text import toml_text
 
 Tree = dict[str, Any]
 Draw = np.random.Generator
 OWN = "c0"
-FIVE_SIGMA = 31.8
-"""Chi2 of 3 degrees of freedom, as unlikely as five sigmas of one."""
 PLACES = ((1.3, 103.8), (-35.0, 18.0), (54.0, 8.0), (70.0, 20.0), (-52.0, 179.95), (15.0, -179.98))
 
 
@@ -248,83 +237,7 @@ FAMILIES: Mapping[str, Callable[[Fleet, Draw], None]] = {
 }
 
 
-class Outcome(NamedTuple):
-    """A fleet as it was played.
-
-    Attributes:
-        frames: errors of each other carrier while its correction was applied, those that were.
-        others: how many other carriers there are.
-        cpu_s: of all, a step.
-    """
-
-    frames: list[list[FrameError]]
-    others: int
-    picture: PictureSummary | None
-    cpu_s: float
-
-
-def judged(scenario: Scenario, away: Callable[[int], Container[str]]) -> Outcome:
-    """Play a fleet and compare it with the truth."""
-    known: list[Any] = []
-    said: list[Any] = []
-    began_s = time.process_time()
-    for now in played(scenario, away=away):
-        own = [m for m in now.said if isinstance(m, Navigation) and m.carrier == OWN]
-        outputs = [out.message for out in now.outputs]
-        known += [now.targets, now.carriers, *own, *(m for m in outputs if isinstance(m, Tracks))]
-        said += [now.carriers, *(m for m in outputs if isinstance(m, Correction))]
-    cpu_s = (time.process_time() - began_s) / scenario.declared.steps
-    frames = frame_errors(scenario.declared, OWN, said).values()
-    applied = [[error for error in errors if error.state == "applied"] for errors in frames]
-    picture = summarise_picture(picture_errors(scenario.declared, OWN, known))
-    others = len(scenario.declared.carriers) - 1
-    return Outcome([errors for errors in applied if errors], others, picture, cpu_s)
-
-
 def absences(family: str, steps: int) -> Callable[[int], Container[str]]:
     """Which carriers take no part in a step."""
     gone = {"late": range(steps // 3), "lost_and_back": range(steps // 3, steps // 2)}
     return lambda step: {"c1"} if step in gone.get(family, ()) else ()
-
-
-def main() -> None:
-    """Play all fleets and print the figures."""
-    given = options(__doc__ or "", runs=3 * len(FAMILIES))
-    report(_figures(given.seed, given.runs), given)
-
-
-def _figures(seed: int, runs: int) -> Iterator[Figure]:
-    wrong: list[Outcome] = []
-    ratios = []
-    for number in range(runs):
-        family = list(FAMILIES)[number % len(FAMILIES)]
-        scenario = drawn(family, 1000 * seed + number // len(FAMILIES))
-        away = absences(family, scenario.declared.steps)
-        erring = judged(scenario, away)
-        exact = judged(with_overrides(scenario, {"errors.enabled": False}), away)
-        wrong.append(erring)
-        if erring.picture and exact.picture and exact.picture.gospa_m:
-            ratios.append(erring.picture.gospa_m / exact.picture.gospa_m)
-    yield from _of_frames(wrong)
-    yield at_most("GOSPA / known frames, median of the fleets", float(np.median(ratios)), 1.05)
-    yield told("share of fleets in which it is at most 1.05", float(np.mean(np.less(ratios, 1.05))))
-    false = [outcome.picture.false for outcome in wrong if outcome.picture]
-    yield told("false tracks of a fleet", float(np.mean(false)))
-    cpu_s = max(outcome.cpu_s for outcome in wrong) * cpu_scale()
-    yield at_most("slowest fleet, CPU a step of one second", cpu_s, 0.2, "s, scaled")
-
-
-def _of_frames(outcomes: list[Outcome]) -> Iterator[Figure]:
-    frames = [errors for outcome in outcomes for errors in outcome.frames]
-    late = [np.mean([e.nees for e in errors[len(errors) // 2 :]]) / 3 for errors in frames]
-    worst = max(error.nees for errors in frames for error in errors)
-    yield told("fleets", len(outcomes))
-    yield told("frames of other carriers", sum(outcome.others for outcome in outcomes))
-    yield at_least("of these applied", len(frames), 1)
-    yield at_most("worst NEES of a frame while applied (five sigma: 31.8)", worst, FIVE_SIGMA)
-    low, high = mean_interval(3, len(frames), 0.999)
-    yield between("NEES/dim of frames, mean", float(np.mean(late)), low, high)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,0 +1,1 @@
+"""What the fusion centre makes of random fleets."""
