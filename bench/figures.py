@@ -110,16 +110,23 @@ def machine() -> str:
     return f"{platform.machine()}, {os.cpu_count()} cores, numpy {np.__version__}"
 
 
-def seconds(function: Callable[[], object], repeats: int = 5) -> float:
+def seconds(
+    function: Callable[[], object],
+    repeats: int = 5,
+    clock: Callable[[], float] = time.perf_counter,
+) -> float:
     """The shortest of some timings of a call: the others measure the neighbours."""
-    return min(_timed(function) for _ in range(repeats))
+    return min(_timed(function, clock) for _ in range(repeats))
 
 
 def time_ratio(
-    function: Callable[[], object], reference: Callable[[], object], repeats: int = 5
+    function: Callable[[], object],
+    reference: Callable[[], object],
+    repeats: int = 5,
+    clock: Callable[[], float] = time.perf_counter,
 ) -> float:
     """Shortest time of one call by that of another, taken in turns: both meet the neighbours."""
-    both = [(_timed(function), _timed(reference)) for _ in range(repeats)]
+    both = [(_timed(function, clock), _timed(reference, clock)) for _ in range(repeats)]
     ours, theirs = np.min(both, axis=0)
     return float(ours / theirs)
 
@@ -136,10 +143,10 @@ def scale(repeats: int = 5) -> float:
 
 def cpu_scale(repeats: int = 5) -> float:
     """`scale` for what is measured by `time.process_time`, which a busy machine hardly changes."""
-    return _KERNEL_S / min(_timed(_kernel, time.process_time) for _ in range(repeats))
+    return _KERNEL_S / seconds(_kernel, repeats, time.process_time)
 
 
-def _timed(function: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> float:
+def _timed(function: Callable[[], object], clock: Callable[[], float]) -> float:
     start = clock()
     function()
     return clock() - start

@@ -104,25 +104,18 @@ def test_misclosures_after_correction_have_the_size_they_claim(count: int) -> No
 @pytest.mark.parametrize(
     "count", [pytest.param(1, marks=pytest.mark.slow), 3, pytest.param(15, marks=pytest.mark.slow)]
 )
-def test_errors_of_corrections_are_within_their_covariance(count: int) -> None:
+def test_errors_of_corrections_are_within_their_covariance_and_chi2_has_its_dof(count: int) -> None:
     rng = np.random.default_rng(100 + count)
-    scores = []
+    scores, chi2 = [], []
     for seed in range(RUNS):
         scene = drawn(two_ships(count, seed=seed), rng)
-        _, outputs = scene.run(1, rng)
-        scores.append(own_axes_score(correction(outputs[0]), scene.truth("b", 1)))
-    low, high = mean_interval(3, RUNS, 0.999)
-    assert low < np.mean(scores) < high
-
-
-def test_chi2_has_its_degrees_of_freedom() -> None:
-    rng = np.random.default_rng(7)
-    found = [
-        correction(drawn(two_ships(6, seed=seed), rng).run(1, rng)[1][0]) for seed in range(RUNS)
-    ]
-    assert {c.dof for c in found} == {12}
-    low, high = mean_interval(12, RUNS, 0.999)
-    assert low < np.mean([c.chi2 for c in found]) / 12 < high
+        found = correction(scene.run(1, rng)[1][0])
+        assert found.dof == 2 * count
+        scores.append(own_axes_score(found, scene.truth("b", 1)))
+        chi2.append(found.chi2 / found.dof)
+    for dof, told in ((3, scores), (2 * count, chi2)):
+        low, high = mean_interval(dof, RUNS, 0.999)
+        assert low < np.mean(told) < high
 
 
 @pytest.mark.slow

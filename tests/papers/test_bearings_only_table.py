@@ -65,6 +65,7 @@ def test_turn_times_lie_on_no_grid() -> None:
     assert len(np.unique(np.round(scene.bound, 9))) == 50
 
 
+@pytest.mark.slow
 def test_the_table_has_every_row() -> None:
     text = published.tables(7, 2)
     assert text.count("S 10'") == text.count("M 60'") == 8

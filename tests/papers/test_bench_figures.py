@@ -16,7 +16,6 @@ from bench.figures import (
     near,
     options,
     report,
-    scaled_seconds,
     seconds,
     table,
     time_ratio,
@@ -64,12 +63,23 @@ def test_tables_are_markdown() -> None:
     assert table(("a", "b"), [("1", "22")]) == "| a | b  |\n| --|--- |\n| 1 | 22 |"
 
 
-def test_times_are_scaled_by_a_kernel_of_the_same_run() -> None:
-    def work() -> float:
-        return sum(i * 0.5 for i in range(20_000))
+def test_of_several_timings_the_shortest_counts() -> None:
+    """Neighbours make calls longer, never shorter; the clock is ours here."""
+    now_s, waits_s = [0.0], iter([5.0, 2.0, 9.0])
 
-    assert scaled_seconds(work) == pytest.approx(seconds(work), rel=20)
-    assert 1.5 < time_ratio(lambda: [work() for _ in range(4)], work) < 8
+    def busy() -> None:
+        now_s[0] += next(waits_s)
+
+    assert seconds(busy, 3, lambda: now_s[0]) == 2.0
+
+
+def test_a_ratio_is_of_the_shortest_of_each() -> None:
+    now_s, waits_s = [0.0], iter([8.0, 2.0, 12.0, 3.0, 40.0, 2.5])
+
+    def busy() -> None:
+        now_s[0] += next(waits_s)
+
+    assert time_ratio(busy, busy, 3, lambda: now_s[0]) == 8.0 / 2.0
 
 
 @pytest.mark.slow

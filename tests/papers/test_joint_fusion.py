@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from bench.joint_fusion import instants, pairs, rules
+from bench.joint_fusion import instants, pairs, rules, track_logs
 from bench.joint_fusion.instants import by_instant
 
 
@@ -69,6 +69,13 @@ def test_demand_in_full(seed: int) -> None:
     assert score.wrong <= 0.01
 
 
+def test_tracks_of_tracks_by_increments_are_central_fusion() -> None:
+    held = {figure.name: figure.holds for figure in track_logs.figures(7, 100)}
+    assert held["increments - central fusion"]
+    assert held["covariance intersection: NEES/dim"]
+
+
+@pytest.mark.slow
 def test_the_bench_runs_small() -> None:
     command = [sys.executable, "-m", "bench.joint_fusion", "--runs", "20", "--json"]
     done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=120)
