@@ -94,8 +94,14 @@ class JointFrames:
         sigma_drift_mps: float,
         sigma_bias_m: float,
         sigma_scale: float = 0.0,
+        shared: Array | None = None,
     ) -> JointFrames:
-        """With one more carrier, the last, whose frame has been found by itself."""
+        """With one more carrier, the last, whose frame has been found by itself.
+
+        Args:
+            shared: (7 N, 3) covariance of all that is known with it, see `common_tracks`; None =
+                nothing.
+        """
         old, new = (
             self.covariance.shape[0],
             np.diag(np.square([0.0] * 3 + [sigma_drift_mps] * 2 + [sigma_bias_m, sigma_scale])),
@@ -103,6 +109,8 @@ class JointFrames:
         new[:3, :3] = frame.covariance
         covariance = np.zeros((old + WIDTH, old + WIDTH))
         covariance[:old, :old], covariance[old:, old:] = self.covariance, new
+        if shared is not None:
+            covariance[:old, old : old + 3], covariance[old : old + 3, :old] = shared, shared.T
         row = np.array([*frame.q_m, float(frame.D_rad), 0.0, 0.0, 0.0, 0.0])
         return JointFrames(np.vstack([self.mean, row]), covariance)
 
@@ -114,6 +122,7 @@ class JointFrames:
         sigma_bias_m: float,
         sigma_scale: float = 0.0,
         by_ranges: Array | None = None,
+        shared: Array | None = None,
     ) -> JointFrames:
         """With one more carrier, the last, whose frame has been found in the axes of another.
 
@@ -122,10 +131,15 @@ class JointFrames:
             seen: (q, D) of the new one there.
             by_ranges: (3, 4) derivative of `seen` by (b, s) of the base and of the new one, whose
                 errors are not in its covariance; None = it hangs on neither.
+            shared: (7 N, 3) covariance of all that is known with `seen`, see `common_tracks`.
         """
         frame, by_base, own_part = composed(self.frame(base), seen)
         sigmas = sigma_drift_mps, sigma_bias_m, sigma_scale
-        joined = self.joined_by(frame._replace(covariance=own_part), *sigmas)
+        if shared is not None:
+            shared = np.hstack(
+                [shared[:, :2] @ rotation_clockwise(self.mean[base, 2]).T, shared[:, 2:]]
+            )
+        joined = self.joined_by(frame._replace(covariance=own_part), *sigmas, shared)
         old = self.covariance.shape[0]
         hangs = np.zeros((3, 4)) if by_ranges is None else by_ranges.copy()
         hangs[:2] = rotation_clockwise(self.mean[base, 2]) @ hangs[:2]

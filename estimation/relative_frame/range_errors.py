@@ -83,15 +83,26 @@ def considered(frame: OwnAxesFrame, own: Seen, other: Seen) -> tuple[OwnAxesFram
         derivative (3, 4) by (b, s) of the own carrier and of the other.
     """
     turn = rotation_clockwise(frame.D_rad)
-    seen = other.places_m @ turn.T
-    by_frame = np.zeros((len(seen), 2, 3))
-    by_frame[:, 0, 0] = by_frame[:, 1, 1] = 1.0
-    by_frame[:, 0, 2], by_frame[:, 1, 2] = seen[:, 1], -seen[:, 0]
-    spread = own.covariance + turn @ other.covariance @ turn.T
-    gain = frame.covariance @ transposed(by_frame) @ np.linalg.inv(spread)  # (L, 3, 2)
+    gain = gains(frame, own.covariance, other.places_m, other.covariance)
     ranges = own.ranges.spread(own.places_m)
     ranges = ranges + turn @ other.ranges.spread(other.places_m) @ turn.T
     left = frame.covariance - (gain @ ranges @ transposed(gain)).sum(axis=0)
     by_own = (gain @ along(own.places_m)).sum(axis=0)
     by_other = -(gain @ turn @ along(other.places_m)).sum(axis=0)
     return frame._replace(covariance=(left + left.T) / 2), np.hstack([by_own, by_other])
+
+
+def gains(frame: OwnAxesFrame, own: Array, seen_m: Array, seen: Array) -> Array:
+    """(L, 3, 2) by what a frame moves with each own place of the pairs that it is from.
+
+    Args:
+        own: (L, 2, 2) covariances of the own places.
+        seen_m, seen: (L, 2), (L, 2, 2) places relative to the other carrier, and covariances.
+    """
+    turn = rotation_clockwise(frame.D_rad)
+    away = seen_m @ turn.T
+    by_frame = np.zeros((len(away), 2, 3))
+    by_frame[:, 0, 0] = by_frame[:, 1, 1] = 1.0
+    by_frame[:, 0, 2], by_frame[:, 1, 2] = away[:, 1], -away[:, 0]
+    spread = own + turn @ seen @ turn.T
+    return np.asarray(frame.covariance @ transposed(by_frame) @ np.linalg.inv(spread))

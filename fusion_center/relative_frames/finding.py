@@ -26,6 +26,7 @@ from estimation.relative_frame.range_errors import (
     RangeErrors,
     Seen,
     considered,
+    gains,
 )
 from estimation.relative_frame.situation import reasons
 
@@ -34,7 +35,7 @@ from ..sources.sightings import Pair
 from ..sources.telling import telling
 from ..state import Estimate, Link, State
 from ..state.links import frames_without
-from . import corrections, frames, monitor, registration, search, surveyed
+from . import base_tracks, corrections, frames, monitor, registration, search, surveyed
 from .common import told_by_a_plot
 from .corrections import Misclosure
 from .moment import Moment
@@ -44,6 +45,7 @@ from .views import View
 
 EAGER, PATIENT = 10, 5
 """Searches in vain after which only every so many events are tried."""
+NO_GAIN = np.zeros((0, 3, 2))
 MAJORITY = 2 / 3
 """Share of pairs that must agree before the others are taken for wrong."""
 
@@ -62,6 +64,7 @@ class Start(NamedTuple):
     Attributes:
         through: in whose axes `frame` is.
         by_ranges: what `frame` hangs on beside, see `considered`; None = on nothing.
+        gain: (L, 3, 2) by what it moves with the place of each pair in these axes.
         estimate: in own axes.
         pairs: behind it; nis: (L,) of each; remark: what their geometry hides.
     """
@@ -69,6 +72,7 @@ class Start(NamedTuple):
     through: str
     frame: OwnAxesFrame
     by_ranges: Array | None
+    gain: Array
     estimate: Estimate
     pairs: list[Pair]
     nis: Array
@@ -106,7 +110,9 @@ def with_search(state: State, moment: Moment, name: str, tally: Tally) -> State:
     )
     known = frames_without(state.frames, name)
     through = start.through, start.by_ranges
-    known = frames.joined_by(state, known, name, start.frame, moment.t_ns, through)
+    found_from = base_tracks.Pairs(start.through, start.frame, start.pairs, start.gain)
+    common = base_tracks.shared_by(state, known, moment, found_from)
+    known = frames.joined_by(state, known, name, start.frame, moment.t_ns, through, common)
     return _with(replace(state, frames=known), name, link)
 
 
@@ -116,7 +122,7 @@ def _as_navigated(state: State, moment: Moment, name: str) -> Start | None:
     if known is None or surveyed.contradicted(state, moment, name):
         return None
     known = corrections.within_bounds(replace(known, since_t_ns=moment.t_ns))
-    return Start(state.own, corrections.frame_of(known), None, known, [], np.zeros(0), "")
+    return Start(state.own, corrections.frame_of(known), None, NO_GAIN, known, [], np.zeros(0), "")
 
 
 def _tried(state: State, moment: Moment, name: str) -> tuple[Found, Start | None]:
@@ -184,9 +190,10 @@ def _adjusted(state: State, moment: Moment, name: str, base: Base, found: Found)
     )
     seen = corrections.within_bounds(seen)
     estimate = seen
-    frame, by_ranges, published = _considered(
-        state, moment, name, base, found.pairs, corrections.frame_of(seen)
-    )
+    alone = corrections.frame_of(seen)
+    frame, by_ranges, published = _considered(state, moment, name, base, found.pairs, alone)
+    mine, theirs = [pair.own for pair in found.pairs], [pair.other for pair in found.pairs]
+    gain = gains(alone, base.view.covariance[mine], *_places(other, theirs))
     known = state.frames if base.name != state.own else None
     if known is not None or by_ranges is not None:
         prior = moment.prior[name]
@@ -204,6 +211,7 @@ def _adjusted(state: State, moment: Moment, name: str, base: Base, found: Found)
         through=base.name,
         frame=frame,
         by_ranges=by_ranges,
+        gain=gain,
         estimate=corrections.within_bounds(estimate),
         pairs=found.pairs,
         nis=np.nan_to_num(nis, nan=MOST_NIS).clip(0.0, MOST_NIS),
@@ -229,6 +237,10 @@ def _considered(
     for errors, by in zip(ranges, np.split(by_ranges, 2, axis=1), strict=True):
         whole += by @ errors.covariance @ by.T
     return left, by_ranges, left._replace(covariance=whole)
+
+
+def _places(view: View, rows: list[int]) -> tuple[Array, Array]:
+    return view.east_north_m[rows], view.covariance[rows]
 
 
 def _sought(state: State, moment: Moment, name: str) -> RangeErrors:

@@ -115,12 +115,14 @@ def joined_by(
     frame: OwnAxesFrame,
     t_ns: int,
     through: tuple[str, Array | None],
+    shared: Array | None = None,
 ) -> Frames:
     """The frames with a carrier's that has been found, for the first time or anew.
 
     Args:
         frame: in the axes of the carrier `through`, which is the own one or is followed.
         through: its name, and by what the frame hangs on range errors, see `considered`.
+        shared: what it has in common with those that are followed, see `common_tracks`.
     """
     base, by_ranges = through
     own = stand(state, state.own, t_ns)
@@ -130,10 +132,10 @@ def joined_by(
     before, new = joint(frames), stand(state, name, t_ns)
     sigmas = new.sigma_drift_mps, *new.range_sigmas
     if base == state.own and by_ranges is None:
-        after = before.joined_by(frame, *sigmas)
+        after = before.joined_by(frame, *sigmas, shared)
     else:
         number = 0 if base == state.own else row(frames, base)
-        after = before.joined_through(number, frame, *sigmas, by_ranges)
+        after = before.joined_through(number, frame, *sigmas, by_ranges, shared)
     return replace(
         improved(frames, after),
         carriers=(*frames.carriers, name),
