@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from bench.bearings_only.scenes import benchmark
-from bench.figures import _KERNEL_S, Figure, _kernel, at_least, at_most, told
+from bench.figures import Figure, at_least, at_most, cpu_scale, seconds, told
 from estimation.bearings_only import maximum_likelihood, polynomial, solve, solve_many
 
 BATCH = 2048
@@ -47,14 +47,5 @@ def figures(seed: int, runs: int) -> Iterator[Figure]:
 
 
 def _processor_seconds(function: Callable[[], object], repeats: int) -> float:
-    """The least processor time of some calls, scaled by that of the kernel of `bench.figures`."""
-    return _least(function, repeats) * _KERNEL_S / _least(_kernel, 9)
-
-
-def _least(function: Callable[[], object], repeats: int) -> float:
-    times = []
-    for _ in range(repeats):
-        start = time.process_time()
-        function()
-        times.append(time.process_time() - start)
-    return min(times)
+    """The least processor time of some calls, as on the machine of the demands."""
+    return seconds(function, repeats, time.process_time) * cpu_scale(9)

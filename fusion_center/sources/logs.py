@@ -16,10 +16,11 @@ from schemas.messages import SourceProperties, SourceReport
 from ..navigation import NS
 from ..settings import LogSettings, TrackingSettings
 from ..state import Dictionary, Learned, SourceLogs
-from .coordinates import Places, instants_ns
-from .features import NOTHING_LEARNED, Heard, heard
+from .coordinates import Places
+from .features import NOTHING_LEARNED, heard
+from .reading import Fresh, read
 from .telling import after_logs, refitted
-from .tracks import NAMELESS, Plots, filtered, named, sensing, unseen
+from .tracks import NAMELESS, Filters, filtered, named, sensing, unseen
 
 LEAP_SIGMAS = 6.0
 
@@ -96,11 +97,11 @@ def with_report(
         way_m: (n, 2) dead-reckoned way of the carrier at each log.
     """
     settings = rules.logs
-    fresh = _read(report, places, way_m, settings)
+    fresh = read(report, places, way_m, settings)
     seen_m = np.concatenate([places.east_north_m, np.zeros((1, 2))])
     now = sensing(rules.source, seen_m, rules.tracking)
     twice = {name for name, count in Counter(fresh.key).items() if name and count > 1}
-    fresh, born = _with_nameless(logs, fresh, now)
+    fresh = _with_nameless(logs, fresh, now)
     single = np.array([name not in twice for name in fresh.key], dtype=np.bool_)
     known = {name: i for i, name in enumerate(logs.key)}
     previous = np.array([known.get(name, -1) for name in fresh.key], dtype=np.int64)
@@ -115,11 +116,11 @@ def with_report(
         logs, kept, way_m.mean(axis=0) if len(way_m) else np.zeros(2), report.swept, now
     )
     lives = existence > rules.tracking.give_up
-    kept, existence = kept[lives], existence[lives]
-    said = heard(report, np.arange(len(report)), rules.source, rules.dictionary, rules.learned)
-    rest = (kept, existence)
-    merged = _merged(logs, fresh, used, previous[used], rest, (rules, now, born, said))
-    return merged, Absorbed(
+    before = _without_gaps(logs, fresh, used, previous[used], settings)
+    rows = _Rows(used, before, kept[lives], existence[lives])
+    filters = _filters(logs, fresh, rows, now, rules)
+    features = _features(logs, report, rows, rules)
+    return _merged(logs, fresh, rows, filters, features, rules), Absorbed(
         logs=len(report),
         sigma_defaults=int(places.defaulted.sum()),
         without_sigma=int((places.located & ~places.usable).sum()),
@@ -131,23 +132,23 @@ def with_report(
     )
 
 
-def _with_nameless(logs: SourceLogs, fresh: _Fresh, now: Sensing) -> tuple[_Fresh, int]:
-    """The logs with names for those that have none, and how many such names there are."""
+def _with_nameless(logs: SourceLogs, fresh: Fresh, now: Sensing) -> Fresh:
+    """The logs with names for those that have none."""
     nameless = np.array([not key for key in fresh.key], dtype=np.bool_)
     which = np.flatnonzero(nameless & fresh.usable)
     if not which.size:
-        return fresh, logs.born
+        return fresh._replace(born=logs.born)
     names, born = named(logs, fresh.plots, which, now)
     key, track = list(fresh.key), list(fresh.track)
     for i, name in zip(which, names, strict=True):
         key[i] = track[i] = name
-    return fresh._replace(key=key, track=track), born
+    return fresh._replace(key=key, track=track, born=born)
 
 
 @np.errstate(all="ignore")  # numbers from the wire may be anything within its bounds
 def _has_leapt(
     logs: SourceLogs,
-    fresh: _Fresh,
+    fresh: Fresh,
     used: NDArray[np.intp],
     previous: NDArray[np.int64],
     settings: LogSettings,
@@ -163,56 +164,6 @@ def _has_leapt(
     return leapt
 
 
-class _Fresh(NamedTuple):
-    """The logs of a report in the terms of `SourceLogs`."""
-
-    seq: int
-    stamp_ns: int
-    key: list[str]
-    identity: list[str]
-    track: list[str]
-    is_increment: NDArray[np.bool_]
-    astray: NDArray[np.bool_]
-    usable: NDArray[np.bool_]
-    t_ns: NDArray[np.int64]
-    place_m: Array
-    covariance: Array
-    altitude_m: Array
-
-    @property
-    def plots(self) -> Plots:
-        """All of them as plots."""
-        return Plots(self.t_ns, self.place_m, self.covariance)
-
-
-def _read(report: SourceReport, places: Places, way_m: Array, settings: LogSettings) -> _Fresh:
-    """Names, instants and places of a report's logs; an unsure instant makes the place unsure."""
-    n = len(report)
-    identity, track = _identities(report, n), _texts(report.track_id, n)
-    key = [f"i/{i}" if i else f"t/{t}" if t else "" for i, t in zip(identity, track, strict=True)]
-    kinds = _texts(report.kind, n)
-    covariance = places.covariance
-    if report.sigma_time_offset_s is not None:
-        sigma_s = np.nan_to_num(np.array(report.sigma_time_offset_s, dtype=np.float64))
-        covariance = covariance + round_covariance((settings.sigma_velocity_mps * sigma_s) ** 2)
-    t_ns = instants_ns(report)
-    astray = np.abs(t_ns - report.t_ns) * NS > settings.max_age_s
-    return _Fresh(
-        seq=report.seq,
-        stamp_ns=report.t_ns,
-        key=key,
-        identity=identity,
-        track=track,
-        is_increment=np.array([kind == "increment" for kind in kinds], dtype=np.bool_),
-        astray=astray,
-        usable=places.usable & ~astray,
-        t_ns=t_ns,
-        place_m=places.east_north_m + way_m,
-        covariance=covariance,
-        altitude_m=places.altitude_m,
-    )
-
-
 def _still_of_use(
     logs: SourceLogs, report: SourceReport, taken: set[str], settings: LogSettings
 ) -> NDArray[np.int64]:
@@ -222,80 +173,103 @@ def _still_of_use(
     return np.array(of_use, dtype=np.int64)
 
 
-def _merged(
+class _Rows(NamedTuple):
+    """Which logs stand in the next memory of a source.
+
+    Attributes:
+        used: (k,) rows of the fresh logs.
+        previous: (k,) row of the target each goes on from, -1 where it begins anew.
+        kept: (m,) rows of other targets that stay, with the probability of their `existence`.
+    """
+
+    used: NDArray[np.intp]
+    previous: NDArray[np.int64]
+    kept: NDArray[np.int64]
+    existence: Array
+
+
+def _without_gaps(
     logs: SourceLogs,
-    fresh: _Fresh,
+    fresh: Fresh,
     used: NDArray[np.intp],
     previous: NDArray[np.int64],
-    rest: tuple[NDArray[np.int64], Array],
-    told: tuple[Rules, Sensing, int, Heard | None],
-) -> SourceLogs:
-    """The used fresh logs, each before its previous one, and after them the kept targets.
-
-    Args:
-        rest: the kept targets and the probabilities of their existence.
-        told: the rules, what is assumed of the source, how many nameless tracks have begun, what
-            the logs say of features.
-    """
-    (kept, existence), (rules, now, born, said) = rest, told
+    settings: LogSettings,
+) -> NDArray[np.int64]:
+    """(k,) previous rows, -1 where the gap is too long for a straight line over it."""
     gap_s = (fresh.t_ns[used] - np.append(logs.t_ns[0], 0)[previous]) * NS
-    # no straight line over a longer gap
-    previous = np.where((previous >= 0) & (gap_s <= rules.logs.max_age_s), previous, -1)
-    known = np.flatnonzero(previous >= 0)
-    t_ns = np.stack([fresh.t_ns[used], np.full(len(used), -1)])
-    place = np.stack([fresh.place_m[used], np.zeros((len(used), 2))])
-    covariance = np.stack([fresh.covariance[used], np.zeros((len(used), 2, 2))])
-    t_ns[1, known] = logs.t_ns[0, previous[known]]
-    place[1, known] = logs.place_m[0, previous[known]]
-    covariance[1, known] = logs.covariance[0, previous[known]]
-    nameless = np.array([fresh.key[i][0] == NAMELESS for i in used], dtype=np.bool_)
-    bank = filtered(
-        logs, fresh.plots.take(used), previous, nameless, now, (rules.logs, rules.tracking)
+    return np.where((previous >= 0) & (gap_s <= settings.max_age_s), previous, -1)
+
+
+def _filters(logs: SourceLogs, fresh: Fresh, rows: _Rows, now: Sensing, rules: Rules) -> Filters:
+    """The filters of the targets of the used logs."""
+    nameless = np.array([fresh.key[i][0] == NAMELESS for i in rows.used], dtype=np.bool_)
+    plots, settings = fresh.plots.take(rows.used), (rules.logs, rules.tracking)
+    return filtered(logs, plots, rows.previous, nameless, now, settings)
+
+
+def _features(logs: SourceLogs, report: SourceReport, rows: _Rows, rules: Rules) -> Array:
+    """(k + m, columns) what is known of the features of the used and of the kept targets."""
+    said = heard(report, np.arange(len(report)), rules.source, rules.dictionary, rules.learned)
+    known = refitted(logs.features, logs.dictionary, rules.dictionary)
+    improved = after_logs(known, rows.previous, rows.used, said, rules.dictionary)
+    return np.concatenate([improved, known[rows.kept]])
+
+
+class _Pairs(NamedTuple):
+    """The used logs (0), and what was known before of their targets (1)."""
+
+    t_ns: NDArray[np.int64]
+    place_m: Array
+    covariance: Array
+
+
+def _paired(logs: SourceLogs, fresh: Fresh, rows: _Rows) -> _Pairs:
+    """Each used log before its previous one; an instant of -1 where there is none."""
+    used, n = rows.used, len(rows.used)
+    known = np.flatnonzero(rows.previous >= 0)
+    pairs = _Pairs(
+        np.stack([fresh.t_ns[used], np.full(n, -1)]),
+        np.stack([fresh.place_m[used], np.zeros((n, 2))]),
+        np.stack([fresh.covariance[used], np.zeros((n, 2, 2))]),
     )
-    served = np.append(logs.used_t_ns, -1)[previous]
+    old = rows.previous[known]
+    pairs.t_ns[1, known] = logs.t_ns[0, old]
+    pairs.place_m[1, known] = logs.place_m[0, old]
+    pairs.covariance[1, known] = logs.covariance[0, old]
+    return pairs
 
-    rows = refitted(logs.features, logs.dictionary, rules.dictionary)
-    improved = after_logs(rows, previous, used, said, rules.dictionary)
 
+def _merged(
+    logs: SourceLogs, fresh: Fresh, rows: _Rows, filters: Filters, features: Array, rules: Rules
+) -> SourceLogs:
+    """The used fresh logs, each before its previous one, and after them the kept targets."""
+    used, previous, kept, existence = rows
+    pairs, served = _paired(logs, fresh, rows), np.append(logs.used_t_ns, -1)[previous]
     most = rules.logs.max_per_source
     return SourceLogs(
         report_seq=fresh.seq,
         report_t_ns=max(logs.report_t_ns, fresh.stamp_ns),
-        born=born,
+        born=fresh.born,
         key=_joined(fresh.key, used, logs.key, kept)[:most],
         identity=_joined(fresh.identity, used, logs.identity, kept)[:most],
         track=_joined(fresh.track, used, logs.track, kept)[:most],
         seq=np.concatenate([np.full(len(used), fresh.seq), logs.seq[kept]])[:most],
         index=np.concatenate([used, logs.index[kept]])[:most],
-        t_ns=np.concatenate([t_ns, logs.t_ns[:, kept]], axis=1)[:, :most],
-        place_m=np.concatenate([place, logs.place_m[:, kept]], axis=1)[:, :most],
-        covariance=np.concatenate([covariance, logs.covariance[:, kept]], axis=1)[:, :most],
+        t_ns=np.concatenate([pairs.t_ns, logs.t_ns[:, kept]], axis=1)[:, :most],
+        place_m=np.concatenate([pairs.place_m, logs.place_m[:, kept]], axis=1)[:, :most],
+        covariance=np.concatenate([pairs.covariance, logs.covariance[:, kept]], axis=1)[:, :most],
         altitude_m=np.concatenate([fresh.altitude_m[used], logs.altitude_m[kept]])[:most],
-        state=np.concatenate([bank.state, logs.state[kept]])[:most],
-        state_covariance=np.concatenate([bank.covariance, logs.state_covariance[kept]])[:most],
-        existence=np.concatenate([bank.existence, existence])[:most],
-        hits=np.concatenate([bank.hits, logs.hits[kept]])[:most],
+        state=np.concatenate([filters.state, logs.state[kept]])[:most],
+        state_covariance=np.concatenate([filters.covariance, logs.state_covariance[kept]])[:most],
+        existence=np.concatenate([filters.existence, existence])[:most],
+        hits=np.concatenate([filters.hits, logs.hits[kept]])[:most],
         used_t_ns=np.concatenate([served, logs.used_t_ns[kept]])[:most],
-        features=np.concatenate([improved, rows[kept]])[:most],
+        features=features[:most],
         dictionary=rules.dictionary,
     )
-
-
-def _identities(report: SourceReport, n: int) -> list[str]:
-    names, kinds = _texts(report.identity, n), _texts(report.identity_kind, n)
-    return [f"{kind}/{name}" if name else "" for name, kind in zip(names, kinds, strict=True)]
-
-
-def _texts(values: Sequence[str | None] | None, n: int) -> list[str]:
-    return [""] * n if values is None else [value or "" for value in values]
 
 
 def _joined(
     fresh: Sequence[str], used: NDArray[np.intp], old: Sequence[str], kept: NDArray[np.int64]
 ) -> tuple[str, ...]:
     return (*(fresh[i] for i in used), *(old[i] for i in kept))
-
-
-def round_covariance(variance: Array) -> Array:
-    """Covariances (n, 2, 2) of equal variance (n,) [m^2] in every direction."""
-    return variance[:, None, None] * np.eye(2)

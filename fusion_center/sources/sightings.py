@@ -14,7 +14,7 @@ from estimation.arrays import Array
 from ..navigation import NS
 from ..settings import LogSettings
 from ..state import SourceLogs
-from .logs import round_covariance
+from .reading import round_covariance
 
 
 @dataclass(frozen=True, eq=False, slots=True)
