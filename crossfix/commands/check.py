@@ -119,10 +119,14 @@ def _print(conformance: Conformance, found: list[Finding]) -> None:
     if checks := conformance.sigma_checks():
         console.print(_sigmas(checks))
     errors = sum(finding.severity == "error" for finding in found)
-    messages = (
-        f"{sum(heard.values())} messages of {len({carrier for carrier, _ in heard})} carriers"
-    )
-    console.print(f"{messages}: {errors} errors, {len(found) - errors} warnings")
+    messages = _many(sum(heard.values()), "message")
+    carriers = _many(len({carrier for carrier, _ in heard}), "carrier")
+    judged = f"{_many(errors, 'error')}, {_many(len(found) - errors, 'warning')}"
+    console.print(f"{messages} of {carriers}: {judged}")
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def _findings(found: list[Finding]) -> RenderableType:
@@ -130,7 +134,8 @@ def _findings(found: list[Finding]) -> RenderableType:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table("who", "finding", "first case, and what to do", box=SIMPLE_HEAD, pad_edge=False)
+    table = Table("who", "finding", box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("first case, and what to do", overflow="fold")
     table.add_column("times", justify="right")
     colours = {"error": "red", "warning": "yellow"}
     for finding in found:

@@ -37,6 +37,10 @@ MAX_SPEED_MPS = 1000.0
 LEAST_REPORTS = 3
 SLACK_S = 0.5
 """Of wall clocks and of the way of a message."""
+LATE_S = 10.0
+"""So far behind the world no busy machine is, only another clock, and nothing is fused."""
+BEHIND_STEPS = 9
+"""In lock-step the world is so many steps ahead of its carriers, and no more."""
 UNITS = {"seconds": 1e-9, "milliseconds": 1e-6, "microseconds": 1e-3}
 
 
@@ -279,6 +283,9 @@ class Conformance:
         if ahead_s > allowed_s + step_s + SLACK_S:
             example = f"seq {stream.first + stream.count - 1} is stamped {ahead_s:.4g} s ahead"
             self._notes.add("time_future", carrier, source, example)
+        elif self._step_ns is not None and -ahead_s > allowed_s + BEHIND_STEPS * step_s + LATE_S:
+            example = f"seq {stream.first + stream.count - 1} is stamped {-ahead_s:.4g} s behind"
+            self._notes.add("time_past", carrier, source, example)
 
     # what all of them show
 

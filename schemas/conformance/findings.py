@@ -73,6 +73,9 @@ CODES: Mapping[str, Code] = {
     "time_future": Code(
         "error", "Stamp what was measured with the time of the run; later stamps are not fused."
     ),
+    "time_past": Code(
+        "error", "Stamp what was measured with the time of the run; nothing so old is fused."
+    ),
     "time_backwards": Code(
         "error", "Within a stream t_ns must not decrease; what is older than fused is late."
     ),
@@ -114,7 +117,10 @@ CODES: Mapping[str, Code] = {
     "sigma_zero": Code("error", "No measurement is exact: send its sigma, or nil for the default."),
     "sigma_absurd": Code("error", "Send one standard deviation, in the unit of the column."),
     "sigma_too_small": Code("error", "Claim larger sigmas: the measurements scatter more."),
-    "sigma_too_large": Code("warning", "Claim smaller sigmas: the measurements scatter less."),
+    "sigma_too_large": Code(
+        "warning",
+        "Claim smaller sigmas: the measurements scatter less. A thousandth is another unit.",
+    ),
     "range_limits": Code(
         "error", "Declare range_min_m and range_max_m within which the source really measures."
     ),

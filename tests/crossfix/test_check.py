@@ -70,7 +70,7 @@ def test_errors_are_shown_with_what_to_do(
     assert "visitor/radar" in text
     assert "sigma_too_small" in text
     assert "Claim larger sigmas" in text
-    assert "1 errors, 0 warnings" in text
+    assert "1 error, 0 warnings" in text
     assert max(map(len, shown.out.splitlines())) <= 80
 
 

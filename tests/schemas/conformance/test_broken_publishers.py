@@ -10,8 +10,10 @@ from typing import Any
 import msgspec
 import pytest
 
+from schemas import codec, keys
 from schemas.bus.interface import Sample
 from schemas.conformance import CODES, Conformance, ConformanceTests, Finding
+from schemas.messages import Step
 from tests.schemas.conformance.publishers import (
     BOOT,
     CARRIER,
@@ -232,6 +234,22 @@ def test_two_processes_with_one_name_are_told() -> None:
         conformance.take(a, arrived_s)
         conformance.take(b, arrived_s)
     assert told(conformance.findings()) == {("two_processes", "")}
+
+
+@pytest.mark.parametrize(
+    ("behind_s", "expected"),
+    [(86_400.0, {("time_past", RADAR), ("time_past", NAVIGATION)}), (9.0, set())],
+)
+def test_a_clock_of_yesterday_is_told_and_a_busy_machine_is_not(
+    behind_s: float, expected: set[tuple[str, str]]
+) -> None:
+    conformance = Conformance(RUN)
+    for sample, arrived_s in Publisher(broken=shifted(-behind_s)).samples():
+        step = Step(boot="b", step=1, t_ns=round(arrived_s * SECOND))
+        encoding = codec.encoding_of(Step, "msgpack")
+        conformance.take(Sample(keys.STEP.key(RUN), codec.encode(step), encoding), arrived_s)
+        conformance.take(sample, arrived_s)
+    assert told(conformance.findings()) == expected
 
 
 def test_a_life_after_another_is_no_fault() -> None:
