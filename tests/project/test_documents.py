@@ -87,3 +87,13 @@ def relative_links(path: Path) -> Iterator[str]:
     for target in LINK.findall(CODE.sub("", path.read_text(encoding="utf-8"))):
         if not re.match(r"[a-z]+:|#", target):
             yield target.partition("#")[0]
+
+
+def test_every_package_has_its_place_in_the_architecture() -> None:
+    """By its name, there or on the page of the library that it refers to."""
+    told = "".join(
+        (ROOT / page).read_text("utf-8") for page in ("ARCHITECTURE.md", "docs/library.md")
+    )
+    homes = ("schemas", "estimation", "sim_world", "carriers", "fusion_center", "crossfix")
+    folders = {path.parent for home in homes for path in (ROOT / home).rglob("__init__.py")}
+    assert [f.name for f in sorted(folders) if not re.search(rf"\b{f.name}\b", told)] == []
