@@ -25,7 +25,7 @@ from estimation.bearings_only.next_turn import Turn, best_turn
 from estimation.bearings_only.pairing import log_odds_of_one
 from estimation.bearings_only.prior import MotionPrior
 from estimation.bearings_only.profile import Ranges, likely_ranges
-from estimation.bearings_only.robust import student_t
+from estimation.bearings_only.robust import gross_errors, student_t
 from estimation.bearings_only.seeds import (
     SeedTrack,
     chebyshev_first,
@@ -83,6 +83,7 @@ __all__ = [
     "cramer_rao",
     "each_target",
     "followed",
+    "gross_errors",
     "in_space",
     "jointly",
     "likely_ranges",

@@ -27,7 +27,7 @@ from estimation.bearings_only.marginal import Searched
 from estimation.bearings_only.measurements import Scene
 from estimation.bearings_only.motions import FAMILY, THREE_LEGS, Motion
 from estimation.bearings_only.normal_equations import Loss, products, residuals
-from estimation.bearings_only.prior import MotionPrior, flat_information, prior_rows
+from estimation.bearings_only.prior import MotionPrior, prior_rows, volume
 from estimation.bearings_only.robust import kept, screened
 
 _SECOND_ANGLES = (-1.6, -0.9, -0.4, 0.4, 0.9, 1.6)
@@ -124,14 +124,13 @@ def hypothesis(
     problem, end = searched.problem.take(columns), taken(searched.ends[rank], columns)
     prior = problem.prior or MotionPrior()
     rows = prior_rows(problem.scene, problem.motion, prior, end.p)
-    volume = products(rows.residual, rows.jacobian)[1]
-    volume += flat_information(problem.scene, problem.motion, end.p)
+    before = volume(problem.scene, problem.motion, rows, end.p)
     of_bearings = problem.of_bearings(end.p)
     h = problem.gauge(end.p)
     gauge = h[:, None] * h[None, :]
     log_evidence = (
         -end.normal.cost
-        + log_determinant(cholesky(volume + gauge))
+        + log_determinant(cholesky(before + gauge))
         - log_determinant(cholesky(end.normal.matrix + gauge))
     ) / 2
     shapes = rows.of_shape()

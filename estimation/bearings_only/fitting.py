@@ -17,7 +17,7 @@ from estimation.bearings_only.measurements import Bearings, Scene, scene_of
 from estimation.bearings_only.motions import Motion
 from estimation.bearings_only.normal_equations import Loss, Normal
 from estimation.bearings_only.prior import prior_rows
-from estimation.bearings_only.robust import screened
+from estimation.bearings_only.robust import borne, screened
 from estimation.bearings_only.starts import lines_of, misfit, ridge, scales_of, taubin
 
 _RANGE_QUANTILES = (-1.28, 0.0, 1.28)  # of the logarithm, in sigmas: ridge starts
@@ -138,9 +138,13 @@ def lowest(problem: Criterion, starts: Array, search: Search = BRISK) -> Minimum
 
 def ends(problem: Criterion, starts: Array, search: Search = BRISK) -> list[Minimum]:
     """All ends of these descents, of each target the lowest first."""
+    begin = borne(problem)
     if len(starts) > 1:
-        first = _descended_from(problem, starts[: search.tried], search.few, search.settled)
+        first = _descended_from(begin, starts[: search.tried], search.few, search.settled)
         starts = np.stack([end.p for end in first[: search.kept]])
+    if begin is not problem:
+        near = _descended_from(begin, starts, search.many, search.settled)
+        starts = np.stack([end.p for end in near])
     return _descended_from(problem, starts, search.many, search.settled)
 
 

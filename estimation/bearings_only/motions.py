@@ -198,7 +198,11 @@ STRAIGHT_ACCELERATED = Motion(
     _grid((-6, -2.5, -1.2, -0.6, -0.2, 0.2, 0.6, 1.2, 2.5, 6)),
 )
 TURN_RATE = Motion(
-    "turn rate", 1, ("omega",), circular_path, _grid((-3, -1.6, -0.8, -0.3, 0.3, 0.8, 1.6, 3))
+    "turn rate",
+    1,
+    ("omega",),
+    circular_path,
+    _grid((-7, -4.7, -3, -1.6, -0.8, -0.3, 0.3, 0.8, 1.6, 3, 4.7, 7)),
 )
 _ONE = ("angle", "middle", "duration")
 FINITE_TURN = Motion(

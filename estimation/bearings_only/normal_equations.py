@@ -19,8 +19,8 @@ from estimation.arrays import Array
 from estimation.bearings_only.measurements import ComplexArray, Scene
 from estimation.bearings_only.motions import Motion
 
-Loss: TypeAlias = Callable[[Array], tuple[Array, Array]]
-"""Squared standardised residuals -> their cost and the weight of each."""
+Loss: TypeAlias = Callable[[Array, Array], tuple[Array, Array]]
+"""Squared standardised residuals (N, B) and 1 / sigma, 0 = not seen -> cost and weight of each."""
 
 
 class Normal(NamedTuple):
@@ -71,7 +71,7 @@ def polynomial_normal(scene: Scene, tables: Tables, p: Array, loss: Loss | None)
     residual = np.arctan2(dy * u - dx * v, dx * u + dy * v)
     residual *= scene.weight
     by_range = scene.weight / (dx * dx + dy * dy + 1e-300)
-    cost, weight = _losses(residual, loss)
+    cost, weight = _losses(residual, scene.weight, loss)
     if weight is not None:
         root = np.sqrt(weight)
         residual, by_range = residual * root, by_range * root
@@ -105,7 +105,7 @@ def _matrix(size: int, aa: Array, ab: Array, bb: Array) -> Array:
 def general_normal(scene: Scene, motion: Motion, p: Array, loss: Loss | None) -> Normal:
     """Of any motion and any times and places."""
     residual, jacobian = residuals(scene, motion, p)
-    cost, weight = _losses(residual, loss)
+    cost, weight = _losses(residual, scene.weight, loss)
     if weight is not None:
         root = np.sqrt(weight)
         residual, jacobian = residual * root, jacobian * root
@@ -163,8 +163,10 @@ def unpacked(motion: Motion, p: Array) -> tuple[ComplexArray, Array, Array]:
     return p[:size] + 1j * p[size:s], p[s], p[s + 1 :]
 
 
-def _losses(residual: Array, loss: Loss | None) -> tuple[Array, NDArray[np.float64] | None]:
+def _losses(
+    residual: Array, by_sigma: Array, loss: Loss | None
+) -> tuple[Array, NDArray[np.float64] | None]:
     if loss is None:
         return np.einsum("nb,nb->b", residual, residual), None
-    cost, weight = loss(residual**2)
+    cost, weight = loss(residual**2, by_sigma)
     return cost.sum(axis=0), weight

@@ -10,7 +10,7 @@ import numpy as np
 from estimation.arrays import Array
 from estimation.bearings_only.measurements import ComplexArray, Scene
 from estimation.bearings_only.motions import Motion
-from estimation.bearings_only.normal_equations import directions, unpacked
+from estimation.bearings_only.normal_equations import directions, products, unpacked
 
 _BEARING_SIGMA_RAD = np.sqrt(2 * np.pi)  # a Gaussian as high as the uniform density 1 / (2 pi)
 _MIDDLE_SIGMA = np.sqrt(2 / np.pi)  # likewise 1 / 2, over the whole observation
@@ -157,7 +157,12 @@ _SHAPE_ROWS: dict[str, Callable[[_Point, Array, PriorRows, int, int], None]] = {
 """A turn may come at any time: "middle" has none."""
 
 
-def flat_information(scene: Scene, motion: Motion, p: Array) -> Array:
+def volume(scene: Scene, motion: Motion, rows: PriorRows, p: Array) -> Array:
+    """Information (M, M, B) of all that is known beforehand, uniform priors as well, at p."""
+    return products(rows.residual, rows.jacobian)[1] + _flat_information(scene, motion, p)
+
+
+def _flat_information(scene: Scene, motion: Motion, p: Array) -> Array:
     """Information (M, M, B) as of the uniform priors, of bearing and turn times.
 
     It is no part of the criterion; it is what makes the prior's volume a number.

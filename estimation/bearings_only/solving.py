@@ -46,7 +46,7 @@ def solve(
             determine is said by the status.
         prior: what is known of such targets; default: ships.
         motions: what is tried. Three legs are tried too when none of them fits.
-        loss: None for Gaussian errors; `student_t()` where some bearings are wrong.
+        loss: None for Gaussian errors; `gross_errors()` where some bearings are wrong.
 
     Raises:
         ValueError: the bearings are of several targets: see `solve_many`.

@@ -16,6 +16,7 @@ from estimation.bearings_only import (
     Solution,
     bearings,
     best_turn,
+    gross_errors,
     in_space,
     jointly,
     maximum_likelihood,
@@ -70,6 +71,7 @@ def test_any_geometry_is_solved(scene: Bearings) -> None:
 @settings(max_examples=15, deadline=None)
 @given(geometries())
 def test_any_geometry_is_solved_robustly(scene: Bearings) -> None:
+    honest(solve(scene, motions=(CONSTANT_VELOCITY,), loss=gross_errors()))
     honest(solve(scene, motions=(CONSTANT_VELOCITY,), loss=student_t()))
 
 

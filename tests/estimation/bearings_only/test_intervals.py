@@ -5,26 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.bearings_only.scenes import MOTIONS, Drawn, benchmark, ensemble
-from estimation.arrays import Array
+from bench.bearings_only.scenes import MOTIONS, benchmark, ensemble
 from estimation.bearings_only import (
     CONSTANT_ACCELERATION,
     CONSTANT_VELOCITY,
     FAMILY,
     THREE_LEGS,
     TURN_RATE,
-    Motion,
-    MotionPrior,
     bearings,
     likely_ranges,
     maximum_likelihood,
     solve_many,
 )
-from estimation.bearings_only.criterion import criterion
-from estimation.bearings_only.fitting import begun, ends, grid_of
-from estimation.bearings_only.levenberg_marquardt import minimised
-from estimation.bearings_only.measurements import scene_of
-from estimation.bearings_only.profile import Held
 
 
 @pytest.mark.parametrize(("name", "kind"), [("S", "C"), ("S", "A"), ("M", "B")])
@@ -67,33 +59,6 @@ def test_without_a_manoeuvre_they_are_open() -> None:
     found = likely_ranges(maximum_likelihood(bearings(t, places, angle, 2e-3), CONSTANT_VELOCITY))
     assert not np.isnan(found.low_m).any()
     assert np.isinf(found.high_m).all()
-
-
-@pytest.mark.parametrize(("name", "kind"), [("S", "C"), ("M", "D")])
-def test_ends_of_a_single_motion_cost_what_a_likelihood_ratio_says(name: str, kind: str) -> None:
-    """1.96 squared above the least, whatever the posterior looks like; a Gaussian's cost 2 to 6.
-
-    Between the ranges that are asked for, a sigma apart, a kink may be missed: half a unit.
-    """
-    scene = benchmark(np.random.default_rng(8), name, kind, 60, 8)
-    solutions = solve_many(scene.given, motions=(MOTIONS[kind],))
-    alone = [i for i, found in enumerate(solutions) if len(found.mixture) == 1]
-    assert len(alone) >= 4
-    bounds = np.array([solutions[i].interval for i in alone])
-    costs = [posterior_cost(scene, MOTIONS[kind], alone, at_m) for at_m in (None, *bounds.T)]
-    np.testing.assert_allclose(costs[1:] - costs[0], 1.96**2, atol=0.6)
-
-
-def posterior_cost(scene: Drawn, motion: Motion, columns: list[int], at_m: Array | None) -> Array:
-    """The least cost of some targets, or the least with these ranges."""
-    problem = criterion(scene_of(scene.given), motion, MotionPrior()).take(np.array(columns))
-    found = ends(problem, begun(problem, grid_of(motion), problem.scene))
-    if at_m is None:
-        return found[0].normal.cost
-    held = Held(problem, 1 / at_m, 1e-4 / at_m)
-    costs = [minimised(held, end.p).normal.cost for end in found]
-    least: Array = np.nan_to_num(costs, nan=np.inf).min(axis=0)
-    return least
 
 
 KINDS = {motion.name: motion.kind for motion in (*FAMILY, THREE_LEGS)}
