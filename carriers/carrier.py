@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import radians
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -161,7 +160,7 @@ class Carrier:
             yield from self._sources(now)
         navigation = self._navigation(now)
         since_ns = stamp.errs_since_ns(navigation)
-        held = applied(correction, navigation, since_ns, self._reckoning_m2_s(now))
+        held = applied(correction, navigation, since_ns)
         yield Outgoing(keys.NAVIGATION, (self.name,), corrected(navigation, held))
         for device in self._ranging:
             for look in device.due(now.step):
@@ -198,12 +197,6 @@ class Carrier:
             sigma_speed_mps=sigma_speed or None,
             sigma_heading_rad=float(np.sqrt(self._covariance[k, 2, 2])),
         )
-
-    def _reckoning_m2_s(self, now: _Now) -> float:
-        """What noise of log and compass adds to the variance of its way, per axis and second."""
-        prior = self._part.navigation
-        across_mps = self._voyage.log_mps[now.step] * radians(prior.sigma_compass_noise_deg)
-        return self._step_s * float(max(prior.sigma_log_noise_mps, across_mps) ** 2)
 
     def _pose(self, now: _Now) -> Pose:
         """Where it believes it is: the true place moved by the error it has gathered."""

@@ -253,6 +253,7 @@ def _correction(state: State, closed: Closed, carrier: str, seq: int) -> Correct
     )
     if estimate is None:
         return blank
+    wander = max(feedback.wander_m2_s(state, carrier) + estimate.spreads_m2_s, 0.0)
     return replace(
         blank,
         valid_t_ns=estimate.valid_t_ns,
@@ -270,5 +271,5 @@ def _correction(state: State, closed: Closed, carrier: str, seq: int) -> Correct
         method=estimate.method,
         mode_probability=estimate.mode_probability,
         terms=list(estimate.terms),
-        feedback=feedback.of(estimate) if monitor.state == "applied" else None,
+        feedback=feedback.of(estimate, wander) if monitor.state == "applied" else None,
     )

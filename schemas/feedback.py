@@ -52,7 +52,6 @@ def applied(
     correction: Correction | None,
     navigation: Navigation,
     since_ns: int,
-    reckoning_m2_s: float = 0.0,
 ) -> Corrected | None:
     """A correction put to the pose of a moment; None if there is none to be applied.
 
@@ -60,7 +59,6 @@ def applied(
         navigation: of now, without any correction.
         since_ns: since when the carrier errs as it does now: the start of its life, or a fix. What
             was found of before holds no longer.
-        reckoning_m2_s: variance per axis that the noise of its readings gives its way in a second.
     """
     if correction is None or correction.state != "applied" or correction.feedback is None:
         return None
@@ -71,7 +69,7 @@ def applied(
     if abs(pose.latitude_rad) > pi / 2:
         return None
     grown = 1.0 + (passed_s / correction.valid_for_s) ** 2 if correction.valid_for_s else 1.0
-    astray_m2 = reckoning_m2_s * abs(passed_s)
+    astray_m2 = correction.feedback.wander_m2_s * abs(passed_s)
     covariance = _spread(correction.feedback.covariance, grown, astray_m2)
     pose = replace(pose, covariance=covariance)
     return Corrected(correction.id, pose, correction.feedback.north_rad)

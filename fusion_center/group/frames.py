@@ -139,7 +139,7 @@ def _estimate(state: State, carrier: str, t_ns: int, misclosure: Misclosure) -> 
     made = corrections.estimated(
         found, in_fixed_axes(found, prior), prior, between, misclosure, "group"
     )
-    drift, unsure_mps = _drift(pair)
+    drift, unsure_mps, spreads_m2_s = _drift(pair)
     axes = replace(made.own_axes, drift_east_mps=float(drift[0]), drift_north_mps=float(drift[1]))
     unsure_m = float(np.sqrt(np.trace(found.covariance[:2, :2])))
     member = state.group.members[carrier]
@@ -148,6 +148,7 @@ def _estimate(state: State, carrier: str, t_ns: int, misclosure: Misclosure) -> 
             made,
             own_axes=axes,
             since_t_ns=member.start_t_ns,
+            spreads_m2_s=spreads_m2_s,
             valid_for_s=min(unsure_m / unsure_mps, _MOST_VALID_S) if unsure_mps else 0.0,
             terms=terms(state, carrier),
         )
@@ -161,11 +162,12 @@ def _plain(prior: RelativeFramePrior) -> RelativeFramePrior:
     return with_fields(prior, sigma_c1_rad=_PLAIN_RAD, sigma_c2_rad=_PLAIN_RAD)
 
 
-def _drift(pair: Pair) -> tuple[Array, float]:
+def _drift(pair: Pair) -> tuple[Array, float, float]:
     """How fast the other one moves beyond what both reckon, in own axes, and the sigma of that.
 
-    Over ground they move along the turned axes, of which own axes are turned by the own north; what
-    both reckon moves their reported places as it is.
+    The third is how fast the variance of its place grows at first, per axis, since errors of place
+    and drift go together. Over ground they move along the turned axes, of which own axes are turned
+    by the own north; what both reckon moves their reported places as it is.
     """
     joint, turn = pair.joint, rotation_clockwise(-pair.joint.mean[pair.own + HEADING])
     over_ground, reckoned = np.zeros(2), np.zeros(2)
@@ -173,8 +175,12 @@ def _drift(pair: Pair) -> tuple[Array, float]:
     for name, (_, at, sign) in zip(joint.names[1:], sides, strict=True):
         over_ground += sign * velocity_mps(joint, name, at.velocity_mps)
         reckoned += sign * at.velocity_mps
-    unsure = sum(np.trace(joint.of(range(f + CURRENT.start, f + CURRENT.stop))) for f, *_ in sides)
-    return turn @ over_ground - reckoned, float(np.sqrt(unsure))
+    currents = [range(f + CURRENT.start, f + CURRENT.stop) for f, *_ in sides]
+    unsure = sum(np.trace(joint.of(slots)) for slots in currents)
+    apart = np.hstack([-np.eye(2), np.eye(2)])
+    places = [f + i for f, *_ in sides for i in range(2)]
+    tied = apart @ joint.between(places, [*currents[0], *currents[1]]) @ apart.T
+    return turn @ over_ground - reckoned, float(np.sqrt(unsure)), float(np.trace(tied))
 
 
 class Lateness(NamedTuple):

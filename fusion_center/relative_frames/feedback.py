@@ -16,25 +16,41 @@ from estimation.frames import (
 )
 from schemas.messages import Feedback
 
-from ..navigation import site, triangle_of
-from ..state import Estimate
+from ..navigation import NS, site, triangle_of
+from ..state import Estimate, State
 from .corrections import frame_of
 
+_MOST_M2_S = 1e12  # of the wire
 _DRIFT_S = 10.0  # long enough for a drift to show in the last digits, short enough for a line
 
 
-def of(estimate: Estimate) -> Feedback | None:
+def of(estimate: Estimate, wander_m2_s: float = 0.0) -> Feedback | None:
     """What an estimate asks for; None unless it determines every direction, within all bounds."""
     if any(direction.status != "determined" for direction in estimate.directions):
         return None
     try:
         with np.errstate(all="ignore"):
-            return _feedback(estimate)
+            return _feedback(estimate, wander_m2_s)
     except (np.linalg.LinAlgError, ValueError):
         return None
 
 
-def _feedback(estimate: Estimate) -> Feedback:
+def wander_m2_s(state: State, carrier: str) -> float:
+    """Variance per axis and second that noise of log and compass gives the place of a carrier.
+
+    Its place in own axes wanders by the noise of both ways, the own one and its own; a reading is
+    one of every step. A carrier that declares nothing adds nothing.
+    """
+    whole = 0.0
+    for name in (state.own, carrier):
+        declared, known = state.declared(name), state.carriers.get(name)
+        if declared and known and known.navigation:
+            across_mps = known.navigation[-1].speed_mps * declared.sigma_compass_noise_rad
+            whole += (declared.sigma_log_noise_mps**2 + across_mps**2) / 2
+    return min(whole * state.scenario.step_ns * NS, _MOST_M2_S)
+
+
+def _feedback(estimate: Estimate, wander_m2_s: float) -> Feedback:
     """The place whose plane lies in the own one as the estimate has it, less the reported place.
 
     Raises:
@@ -56,6 +72,7 @@ def _feedback(estimate: Estimate) -> Feedback:
         longitude_rad_s=float(longitude_rate),
         north_rad=float(wrap_pi(frame.D_rad + known - convergence)),
         covariance=triangle_of(_as_of_a_pose(frame.covariance, convergence)),
+        wander_m2_s=wander_m2_s,
     )
 
 

@@ -13,7 +13,12 @@ from schemas.messages.outputs import CorrectionState
 
 
 class Estimate(Struct, frozen=True, kw_only=True):
-    """One registration of a carrier's frame against the own one; the fields of a Correction."""
+    """One registration of a carrier's frame against the own one; the fields of a Correction.
+
+    Attributes:
+        spreads_m2_s: how fast the variance of its place grows since errors of place and drift go
+            together, per axis; 0 where that is not known.
+    """
 
     valid_t_ns: int
     own_pose: Pose
@@ -28,6 +33,7 @@ class Estimate(Struct, frozen=True, kw_only=True):
     mode_probability: float = 1.0
     since_t_ns: int = 0
     valid_for_s: float = 0.0
+    spreads_m2_s: float = 0.0
     terms: tuple[SourceTerm, ...] = ()
 
 

@@ -117,6 +117,8 @@ class Feedback(Struct, frozen=True, kw_only=True, omit_defaults=True):
         north_rad: to its bearings and its heading.
         covariance: of (east, north, own north) [m, rad]: what is left of the error of its frame
             against that of the own carrier.
+        wander_m2_s: by how much the variance of the place grows, per axis and second after that:
+            by noise of both carriers' logs and compasses, and as its error goes with the drift's.
     """
 
     latitude_rad: Latitude
@@ -125,6 +127,7 @@ class Feedback(Struct, frozen=True, kw_only=True, omit_defaults=True):
     longitude_rad_s: Real = 0.0
     north_rad: Angle
     covariance: Triangle
+    wander_m2_s: Annotated[float, Meta(ge=0, le=1e12)] = 0.0
 
     def __post_init__(self) -> None:
         require_covariance("covariance", self.covariance, (3,))

@@ -128,21 +128,6 @@ def test_a_new_life_begins_without_one() -> None:
     assert held == ["", "", "fusion/own/9"]
 
 
-def test_noise_of_its_readings_makes_it_less_sure_from_second_to_second() -> None:
-    noisy = made(sigma_clock_s=0.0, sigma_log_noise_mps=2.0)
-    epoch, step = noisy.declared.epoch_ns, noisy.declared.step_ns
-    held = dict.fromkeys(range(3, 13), correction(2, epoch + 2 * step))
-    poses = {
-        m.message.step: m.message.pose
-        for m in told(noisy, held)
-        if isinstance(m.message, Navigation)
-    }
-    for k in range(3, 13):
-        assert poses[k].covariance == pytest.approx(
-            [25.0 + 4.0 * (k - 2), 0.0, 0.0, 36.0 + 4.0 * (k - 2), 0.0, 1e-6]
-        )
-
-
 # which one
 
 

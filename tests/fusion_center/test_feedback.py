@@ -194,7 +194,8 @@ def test_what_is_not_of_this_planet_is_not_fed_back() -> None:
 
 
 def estimate_of(found: Correction) -> Estimate:
-    fields = {name: getattr(found, name) for name in Estimate.__struct_fields__}
+    shared = set(Estimate.__struct_fields__) & set(Correction.__struct_fields__)
+    fields = {name: getattr(found, name) for name in shared}
     return Estimate(**fields | {"directions": tuple(found.directions), "terms": ()})
 
 
@@ -304,6 +305,20 @@ def test_a_correction_grows_as_unsure_as_its_drift_makes_it() -> None:
     assert now[:2, :2] == pytest.approx(2 * then[:2, :2])
     assert now[2, 2] == then[2, 2]
     assert now[:2, 2] == pytest.approx(math.sqrt(2) * then[:2, 2])
+
+
+def test_a_correction_grows_as_unsure_as_both_ways_make_it() -> None:
+    """By the noise of the readings of both carriers since."""
+    scene = two_ships(12)
+    found = correction(scene.run(6, np.random.default_rng(1))[1][-1])
+    noisy = changed(found, feedback=changed(found.feedback, wander_m2_s=1.5), valid_for_s=0.0)
+    assert noisy.feedback is not None
+    said = changed(scene.navigation(scene.ship("b"), 6), t_ns=found.valid_t_ns + 4 * 10**9)
+    held = applied(noisy, said, 0)
+    assert held is not None
+    assert held.pose.covariance is not None
+    grown = matrix(held.pose.covariance, 3) - matrix(noisy.feedback.covariance, 3)
+    assert grown == pytest.approx(np.diag([6.0, 6.0, 0.0]), abs=1e-9)
 
 
 def test_a_pose_at_the_antimeridian_stays_on_the_wire() -> None:

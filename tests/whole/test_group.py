@@ -121,6 +121,22 @@ def test_the_drift_is_how_a_frame_moves_beyond_what_both_reckon(
     assert np.hypot(*moved) > 0.3
 
 
+@pytest.mark.parametrize("carrier", ["two", "three"])
+def test_what_is_sent_back_says_how_unsure_it_grows(whole: Played, carrier: str) -> None:
+    """As the joint state itself does when it is carried on; the noise of two ways is in it."""
+    sent = whole.corrections[carrier]
+    assert sent.feedback is not None
+    now, then = (
+        frames.frame(whole.state, carrier, sent.valid_t_ns + after_s * 10**9) for after_s in (0, 8)
+    )
+    assert now is not None
+    assert then is not None
+    before, after = (float(np.trace(found.covariance[:2, :2])) for found in (now, then))
+    grown = before * (8 / sent.valid_for_s) ** 2 + 2 * 8 * sent.feedback.wander_m2_s
+    assert after - before == pytest.approx(grown, rel=0.15)
+    assert sent.feedback.wander_m2_s > 1 + (60 * np.radians(0.5)) ** 2
+
+
 def test_clocks_are_taken_out_of_the_logs_of_the_picture() -> None:
     """Targets at 200 m/s and clocks a second apart: without it, tracks lie 250 m aside."""
     late = {"carriers.one.errors.clock_s": -0.5, "carriers.two.errors.clock_s": 0.6}
