@@ -99,6 +99,15 @@ class Solution(NamedTuple):
     last_s: float
     mixture: tuple[tuple[float, Estimate], ...]
 
+    def __repr__(self) -> str:
+        """In a line: the mixture holds arrays of every motion."""
+        low_m, high_m = self.interval
+        motion = self.winner.motion if self.winner else "no motion"
+        return (
+            f"Solution({self.status}, range {low_m:.0f} to {high_m:.0f} m, {motion}, "
+            f"{self.used} bearings until {self.last_s:g} s{', alarm' if self.alarm else ''})"
+        )
+
     @property
     def winner(self) -> Candidate | None:
         """The most probable motion of the most probable kind."""
