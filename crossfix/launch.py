@@ -19,7 +19,7 @@ from schemas.errors import LaunchError
 from .children import Nursery, Process, spawn
 
 LEAVE_S = 15.0
-"""How long processes may take to leave once the run has ended."""
+"""How long processes may take to leave once the run has ended and the last step is fused."""
 FAIL_S = 6.0
 """The same after the world or the fusion centre has failed: the others notice by themselves."""
 KILL_S = 5.0
@@ -134,6 +134,11 @@ class Launch:
         self._stop_hub()
         self._join_readers()
         return self.exit_code
+
+    def has_fused(self) -> None:
+        """Another step is fused: who is at work is not hurried, unless the run has failed."""
+        if self._leave_by_s < float("inf") and not (self._asked or self.exit_code):
+            self._leave_by_s = time.monotonic() + LEAVE_S
 
     def interrupt(self, *, begun: bool = True) -> None:
         """First call: ask the world for a clean end; second: kill everything.

@@ -24,11 +24,10 @@ class Watcher:
     """Follows a run over a session of its own and shows it; slow or closed, it holds up nothing."""
 
     def __init__(self, run: str, steps: int, console: Console) -> None:
-        self.steps_seen = 0
+        self.steps_seen = self.steps_fused = 0
         self._run, self._steps, self._console = run, steps, console
         self._inbox: Inbox[Sample] = Inbox(4 * 1024 * 1024)
         self._started_s = time.monotonic()
-        self._fused = 0
         self._printed = 0
         self._health: Health | None = None
         self._bar = Progress(
@@ -81,7 +80,7 @@ class Watcher:
 
     def _on_health(self, health: Health) -> None:
         self._health = health
-        self._fused = health.step
+        self.steps_fused = health.step
         for sentence in health.news:
             self.say("health", sentence)
 

@@ -54,7 +54,7 @@ def carry_out(path: Path, options: RunOptions) -> int:
         launch.start(processes(path, declared, run, recording, endpoint, options))
         with open_bus(endpoint, HUB_S) as bus:
             watcher.follow(bus)
-            code = launch.watch(watcher.turn)
+            code = launch.watch(lambda: _follow(watcher, launch))
     if files := parts_of(recording) if recording.parent.is_dir() else []:
         console.print(f"recording: {', '.join(map(str, files))}", highlight=False)
         show_results(files[-1], as_json=options.json)
@@ -126,6 +126,13 @@ def processes(
         for carrier in declared.carriers
     ]
     return [Child("world", world, vital=True), Child("fusion", fusion, vital=True), *carriers]
+
+
+def _follow(watcher: Watcher, launch: Launch) -> None:
+    fused = watcher.steps_fused
+    watcher.turn()
+    if watcher.steps_fused > fused:
+        launch.has_fused()
 
 
 def _refuse_if_alive(run: str, endpoint: str) -> None:
