@@ -98,7 +98,7 @@ class FusionNode:
             self._mind_the_recorder()
             while (closed := self._closing.next(now_s)) is not None:
                 self._fuse(closed)
-                self._say(now_s)
+                self._say(time.monotonic())
             for gap in self._recovery.pursue(self._closing.gaps(), now_s):
                 self._closing.give_up(gap)
             self._say(now_s)

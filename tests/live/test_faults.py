@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 
 import pytest
@@ -12,7 +12,7 @@ import pytest
 from crossfix.commands.run import RunOptions
 from crossfix.launch import KILL_S
 from schemas import keys
-from schemas.messages import Closed
+from schemas.messages import Closed, Health
 from schemas.recording.follow import follow
 from schemas.recording.reader import open_recording
 from tests.live.live_run import DEADLINE_S, LiveRun
@@ -81,6 +81,15 @@ def test_a_hung_carrier_is_given_up_within_the_lease_and_returns_with_a_new_boot
     boots = {e.boot for c in closed(path) for e in c.manifest if e.carrier == "bravo"}
     assert len(boots) == 2
     assert outputs(path) == refused(path)
+
+
+def test_a_centre_that_falls_behind_says_every_second_how_far_it_is(tmp_path: Path) -> None:
+    run = LiveRun(SCENARIO, tmp_path / "run.mcap", LONG)
+    run.slow_down("fusion", 0.5)
+    with run:
+        told = [run.await_message(Health, lambda health: health.step > 0) for _ in range(3)]
+    steps = [health.step for health in told]
+    assert all(0 < after - before <= 4 for before, after in pairwise(steps)), steps
 
 
 def test_a_hub_killed_and_started_again_costs_no_message(tmp_path: Path) -> None:
