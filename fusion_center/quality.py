@@ -109,6 +109,10 @@ class Tally:
         """A report of a member of the group that tells nothing of the joint state."""
         self._row(report.carrier, report.stream).flags[f"{why}: not in the joint state"] = None
 
+    def strained(self, carrier: str, source: str, why: str) -> None:
+        """A source whose plots do not go with those of others as it declares itself."""
+        self._row(carrier, source).flags[why] = None
+
     def late(self, message: Input) -> None:
         """A message that is not fused because it is too old."""
         self._row(message.carrier, message.stream).late += _logs_of(message)

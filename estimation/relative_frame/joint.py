@@ -298,6 +298,19 @@ class JointUpdate:
             pairs=pairs,
         )
 
+    def range_score(self, carrier: int) -> tuple[float, float]:
+        """What these logs say of a bias of a carrier's ranges that nobody declares.
+
+        Returns:
+            Score g [1/m] and information I [1/m^2] of it, all else as it is believed: the bias is
+            g / I, and g has variance I where there is none, independent from instant to instant.
+        """
+        row = len(LOGS) * carrier + 3
+        matrix, tangent = self._end.normal.matrix, self._end.tangent
+        through = tangent.T @ matrix[:, row]
+        known = through @ solved(self._end.whole, through[:, None])[:, 0]
+        return float(self._end.normal.vector[row]), float(matrix[row, row] - known)
+
 
 def improved_by(joint: JointFrames, logs: NetworkLogs, gate: float = 0.999) -> JointUpdate:
     """The frames with the logs of one instant taken in; exact, relinearised until nothing moves.

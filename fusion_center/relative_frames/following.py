@@ -27,7 +27,7 @@ from ..sources.sightings import Pair
 from ..sources.telling import telling
 from ..state import Estimate, Frames, Link, Monitor, State
 from ..state.links import frames_without
-from . import corrections, frames, monitor, scans, search, surveyed, watching
+from . import corrections, frames, monitor, scans, search, strain, surveyed, watching
 from .common import Target, common_targets, network_logs, told_by_a_plot
 from .corrections import Misclosure
 from .moment import Moment
@@ -74,7 +74,8 @@ def _scanned(state: State, moment: Moment, names: Sequence[str], tally: Tally) -
         raise ValueError("a covariance is not finite")
     _count(state, views, names, targets, found, tally)
     better = frames.improved(known, found.joint)
-    state = replace(state, frames=better)
+    everyone = (state.own, *known.carriers)
+    state = strain.watched(replace(state, frames=better), everyone, found.range_scores, tally)
     for name in names:
         scan = found.scans[frames.row(known, name) - 1]
         only_named = all(m.method != "coordinates" for t in targets for m in t[1:])

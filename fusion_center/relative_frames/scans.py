@@ -47,11 +47,13 @@ class Followed(NamedTuple):
         joint: all of them.
         scans: of each carrier but the own one, in order; None of those that had no pair.
         target_chi2: (T,) misclosure of each target per degree of freedom; nan = not used.
+        range_scores: of each carrier, see `JointUpdate.range_score`; none where nothing was said.
     """
 
     joint: JointFrames
     scans: list[Scan | None]
     target_chi2: NDArray[np.float64]
+    range_scores: Sequence[tuple[float, float]] = ()
 
 
 def taken_in(
@@ -78,6 +80,7 @@ def taken_in(
         better,
         [scan and scan._replace(found=better.frame(k)) for k, scan in enumerate(scans, 1)],
         _per_target(update, targets),
+        [update.range_score(k) for k in range(joint.carriers)] if update.converged else (),
     )
 
 

@@ -3,7 +3,7 @@
 from .carriers import Boots, CarrierState, SourceLogs, Timeline, Told
 from .features import Dictionary, Learned, Reports, Scale, Word
 from .group import Group, Member
-from .links import Estimate, Frames, Link, Monitor, Orders, WatchColumns
+from .links import Estimate, Frames, Link, Monitor, Orders, Strain, WatchColumns
 from .targets import Drawn, Line, Nameless, Notes, Paired, Rays, Watched
 from .whole import Past, State, pack, unpack
 
@@ -30,6 +30,7 @@ __all__ = [
     "Scale",
     "SourceLogs",
     "State",
+    "Strain",
     "Timeline",
     "Told",
     "WatchColumns",

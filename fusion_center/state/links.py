@@ -148,6 +148,18 @@ class Link(Struct, frozen=True, kw_only=True):
     estimate: Estimate | None = None
 
 
+class Strain(Struct, frozen=True, kw_only=True):
+    """Sums over events of what they say of a bias of a source's ranges, see `range_score`.
+
+    Attributes:
+        score [1/m], information [1/m^2]; variance: of the score where there is no bias.
+    """
+
+    score: float = 0.0
+    information: float = 0.0
+    variance: float = 0.0
+
+
 class Orders(Struct, frozen=True, kw_only=True):
     """What operators have decided so far.
 

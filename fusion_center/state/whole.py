@@ -17,7 +17,7 @@ from schemas.messages import DeclaredCarrier, DeclaredScenario, SourceProperties
 from ..settings import Settings
 from .carriers import CarrierState, Timeline
 from .group import Group
-from .links import Frames, Link, Orders
+from .links import Frames, Link, Orders, Strain
 from .targets import Drawn, Line, Nameless, Paired, Rays
 
 
@@ -41,6 +41,7 @@ class State(Struct, frozen=True, kw_only=True):
         own: the carrier whose frame is the gauge.
         window: sources that have reported since the last report event, carrier/source -> when.
         frames: of the carriers that are followed; None while there is none.
+        strains: by carrier/source whose ranges are held against those of others.
         past: the last few seconds, oldest first, for what comes late.
         lines: by carrier/source/name of the target there.
         group: carriers that range to each other and to beacons; None while there is none.
@@ -62,6 +63,7 @@ class State(Struct, frozen=True, kw_only=True):
     links: dict[str, Link] = {}
     window: dict[str, int] = {}
     frames: Frames | None = None
+    strains: dict[str, Strain] = {}
     picture: Drawn = Drawn()
     lines: dict[str, Line] = {}
     group: Group | None = None

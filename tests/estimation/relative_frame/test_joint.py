@@ -256,3 +256,21 @@ def test_carriers_come_and_go() -> None:
     anew = joint.with_frame(1, joint.frame(2))
     np.testing.assert_array_equal(anew.frame(1).covariance, joint.frame(2).covariance)
     assert not anew.covariance[7:10, 14:].any()
+
+
+def test_the_score_of_a_bias_is_what_a_prior_of_it_would_make_of_the_logs() -> None:
+    """Of variance V it is g / (I + 1 / V) and as sure as I + 1 / V; to a hundredth, being bent."""
+    rng = np.random.default_rng(11)
+    w = world(rng, 3)
+    joint, row, sigma_m = start(rng, w), 7 * 1 + 5, 20.0
+    silent = joint.covariance.copy()
+    silent[row], silent[:, row] = 0.0, 0.0
+    open_to_it = silent.copy()
+    open_to_it[row, row] = sigma_m**2
+    logs = logged(rng, w, rng.uniform(-12e3, 12e3, (30, 2)), seen=1.0)
+    sure = 1 - 1e-12
+    score, information = improved_by(JointFrames(joint.mean, silent), logs, sure).range_score(1)
+    found = improved_by(JointFrames(joint.mean, open_to_it), logs, sure).joint
+    whole = information + sigma_m**-2
+    assert found.covariance[row, row] == pytest.approx(1 / whole, rel=0.01)
+    assert found.mean[1, 5] == pytest.approx(score / whole, rel=0.01)
