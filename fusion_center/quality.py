@@ -7,7 +7,14 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from estimation.arrays import Array
-from schemas.messages import AssociatedTarget, FeatureQuality, Input, SourceQuality, SourceReport
+from schemas.messages import (
+    AssociatedTarget,
+    FeatureQuality,
+    Input,
+    Ranging,
+    SourceQuality,
+    SourceReport,
+)
 
 from .sources.logs import Absorbed
 from .sources.sightings import Method, Pair, Sightings
@@ -112,6 +119,11 @@ class Tally:
     def strained(self, carrier: str, source: str, why: str) -> None:
         """A source whose plots do not go with those of others as it declares itself."""
         self._row(carrier, source).flags[why] = None
+
+    def wrong_link(self, ranging: Ranging, error_m: float, sigma_m: float) -> None:
+        """A range of a link that is believed to err by the same amount all the time."""
+        told = f"ranges to {ranging.peer} are {error_m:.3g} m too long (sigma {sigma_m:.2g} m)"
+        self._row(ranging.carrier, ranging.stream).flags[f"{told}: taken out"] = None
 
     def late(self, message: Input) -> None:
         """A message that is not fused because it is too old."""

@@ -17,6 +17,7 @@ from bench.in_process import Played, played
 from estimation.arrays import Array
 from estimation.consistency import mean_interval, nees, rms
 from estimation.frames import rotation_clockwise, wrap_pi
+from estimation.joint_navigation.links import released, with_links
 from estimation.joint_navigation.members import QUARTER_TURN, CarrierStart, founded, with_carrier
 from estimation.joint_navigation.online import (
     HEADING,
@@ -197,13 +198,14 @@ def _beacons(seed: int, runs: int) -> Iterator[Figure]:
 
 def _fleet(seed: int) -> Iterator[Figure]:
     """Fifty carriers that range to three others and to two beacons each, every second."""
-    joint, ranges, there = fleet(seed)
+    alone, ranges, there = fleet(seed)
+    joint = with_links(alone, ranges)
     step = Step(1.0, np.array([50.0, 20.0]), 0.25 * np.eye(2))
     names = [name for name in joint.names if name.startswith("carrier/")]
 
     def update() -> None:
         moved = carried(joint, [(name, step) for name in names])
-        improved(moved, range_rows(moved, ranges, there))
+        released(improved(moved, range_rows(moved, ranges, there)).joint)
 
     yield at_most("joint state of 50 carriers, 1 s", 1e3 * scaled_seconds(update, 5), 100, "ms")
 

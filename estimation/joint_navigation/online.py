@@ -26,7 +26,7 @@ from estimation.frames import rotation_clockwise
 from estimation.system_alignment.losses import huber, tapered
 
 GAUGE = "gauge"
-SIZES = {GAUGE: 3, "carrier": 13, "source": 5, "beacon": 3, "target": 4, "waiting": 1}
+SIZES = {GAUGE: 3, "carrier": 13, "source": 5, "beacon": 3, "target": 4, "waiting": 1, "link": 1}
 NORTH, TIME, RATE = 0, 1, 2
 """Slots of the gauge: bearing of the founder's north; its clock less true time when clocks were as
 sure as is stated, and by how much more in every second after that."""
@@ -155,6 +155,11 @@ def _rows(joint: Joint) -> Indices:
     rows = np.full(len(joint.mean), -1, dtype=np.intp)
     rows[joint.free] = np.arange(len(joint.free))
     return rows
+
+
+def place_among_free(joint: Joint, slot: int) -> int:
+    """Row of a slot in the covariance; -1 where it is known."""
+    return int(_rows(joint)[slot])
 
 
 NOBODY = Joint((), np.zeros(0), np.zeros((0, 0)), np.zeros(0, dtype=np.intp))

@@ -27,6 +27,7 @@ from estimation.joint_navigation.online import (
 )
 
 RowsAt = Callable[[Array], Rows]
+LINK = "link/"
 _LEAST_M = 1e-3
 
 
@@ -43,6 +44,11 @@ class Range(NamedTuple):
     value_m: float
     sigma_m: float
     reference: str = ""
+
+
+def link_of(log: Range) -> str:
+    """Block of the constant error of all ranges between the same ends."""
+    return LINK + "|".join((log.carrier, log.peer, log.reference, log.kind))
 
 
 class Surroundings(NamedTuple):
@@ -90,6 +96,8 @@ def range_rows(joint: Joint, ranges: Sequence[Range], there: Surroundings) -> Ro
     peered = np.flatnonzero(clocks)
     peer = np.array([joint.first(ranges[int(i)].peer) for i in peered], dtype=np.intp)
     longer, variance = _bend(joint, legs, len(ranges))
+    links = {i: joint.first(link_of(r)) for i, r in enumerate(ranges) if link_of(r) in joint.names}
+    linked, link = (np.array(list(part), dtype=np.intp) for part in (links, links.values()))
     sigma = np.sqrt(np.array([r.sigma_m for r in ranges]) ** 2 + variance)
     value = np.array([r.value_m for r in ranges]) - longer
 
@@ -105,6 +113,7 @@ def range_rows(joint: Joint, ranges: Sequence[Range], there: Surroundings) -> Ro
             (clocked, own[clocked] + PSEUDO_BIAS, 1.0),
             (clocked, own[clocked] + CLOCK, 1.0),
             (peered, peer + CLOCK, -1.0),
+            (linked, link, 1.0),
         ):
             by[which, slots] += sign
             predicted[which] += sign * mean[slots]

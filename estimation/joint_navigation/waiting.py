@@ -30,7 +30,7 @@ from estimation.joint_navigation.online import (
     weights,
     without,
 )
-from estimation.joint_navigation.online_rows import Range, RowsAt
+from estimation.joint_navigation.online_rows import LINK, Range, RowsAt, link_of
 
 _KIND = "waiting/"
 _SHARE = 0.1  # of ranges by a detour, before anything is known of them
@@ -148,7 +148,7 @@ def _with_waiting(
 
 
 def _link(log: Range) -> str:
-    return "|".join((log.carrier, log.peer, log.reference, log.kind))
+    return link_of(log).removeprefix(LINK)
 
 
 def _link_of(block: str) -> str:

@@ -23,7 +23,7 @@ from ..state import State
 from . import frames
 from .joining import with_member
 from .published import with_diagnosis
-from .ranging import finite, moved, with_fix, with_ranges
+from .ranging import error_of, finite, moved, with_fix, with_ranges
 from .sightings import left_out, with_report
 
 
@@ -58,6 +58,9 @@ def with_messages(
     for report in (m for m in said if isinstance(m, SourceReport) and m.carrier in members):
         if why := left_out(report):
             tally_of(report).ungrouped(report, why)
+    for ranging in (m for m in said if isinstance(m, Ranging)):
+        if error := error_of(after.group, ranging):
+            tally_of(ranging).wrong_link(ranging, *error)
     return after
 
 

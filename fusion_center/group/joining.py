@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from estimation.arrays import Array
 from estimation.frames import Site, enu_from_geodetic, rotation_clockwise
+from estimation.joint_navigation.links import links_of
 from estimation.joint_navigation.members import (
     CarrierStart,
     founded,
@@ -106,7 +107,8 @@ def left(state: State, carriers: Sequence[str]) -> State:
     sources = tuple(f"{SOURCE}{name}/" for name in carriers)
     gone += [name for name in group.names if name.startswith(sources)]
     joint = joint_of(group)
-    gone += [block for name in carriers for block in waiting_for(joint, CARRIER + name)]
+    for name in carriers:
+        gone += [*waiting_for(joint, CARRIER + name), *links_of(joint, CARRIER + name)]
     after = with_joint(group, without(joint, gone))
     told = {source: t for source, t in group.told.items() if not source.startswith(sources)}
     return replace(state, group=replace(after, members=members, told=told))

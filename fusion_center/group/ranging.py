@@ -8,8 +8,15 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from estimation.joint_navigation.links import errors, released, with_links
 from estimation.joint_navigation.online import Improved, carried, improved, velocity_mps
-from estimation.joint_navigation.online_rows import Range, Surroundings, fix_rows, range_rows
+from estimation.joint_navigation.online_rows import (
+    LINK,
+    Range,
+    Surroundings,
+    fix_rows,
+    range_rows,
+)
 from estimation.joint_navigation.waiting import believed
 from schemas.messages import Navigation, Ranging
 
@@ -80,13 +87,15 @@ def with_ranges(
     named = {name for r in ranges for name in (r.carrier, r.peer, r.reference)}
     members = [name for name in group.members if CARRIER + name in named]
     group = moved(state, group, members, t_ns)
-    joint = joint_of(group)
+    joint = with_links(joint_of(group), ranges)
     there = {CARRIER + name: whereabouts(state, name, t_ns) for name in members}
     rows = range_rows(joint, ranges, _surroundings(state, group, there))
     after = believed(joint, t_ns, ranges, rows)
     told = {name: _misclosure(CARRIER + name, ranges, after.taken) for name in members}
     refused = after.taken.refused[: len(ranges)] & ~after.waits
-    return _judged(replace(state, group=with_joint(group, after.joint)), ranges, refused), told
+    return _judged(
+        replace(state, group=with_joint(group, released(after.joint))), ranges, refused
+    ), told
 
 
 def _misclosure(member: str, ranges: Sequence[Range], taken: Improved) -> Misclosure:
@@ -144,6 +153,16 @@ def _has_clock(state: State, carrier: str) -> bool:
     """Whether it is declared how wrong the clock behind a carrier's pseudoranges is."""
     declared = state.declared(carrier)
     return declared is not None and any(d.kind == "pseudorange" for d in declared.ranging)
+
+
+def error_of(group: Group, message: Ranging) -> tuple[float, float] | None:
+    """By how much the ranges of its link are too long, and the sigma [m]; None: taken for right."""
+    said = (message.carrier, message.peer, message.reference or "", message.kind)
+    for name, error in errors(joint_of(group)).items():
+        *ends, kind = name.removeprefix(LINK).split("|")
+        if said == (*(end.partition("/")[2] for end in ends), kind):
+            return error
+    return None
 
 
 def _judged(state: State, ranges: Sequence[Range], refused: NDArray[np.bool_]) -> State:

@@ -12,8 +12,10 @@ from msgspec.structs import replace
 from bench.in_process import Played, played
 from bench.navigation.live import Errors, errors
 from crossfix.evaluation import picture_errors
+from estimation.joint_navigation.links import errors as wrong
 from fusion_center import pipeline
 from fusion_center.group import frames
+from fusion_center.group.joining import joint_of
 from fusion_center.relative_frames.links import navigated
 from fusion_center.settings import settings_from
 from fusion_center.state import State, pack, unpack
@@ -310,6 +312,31 @@ def test_absurd_ranges_and_sigmas_end_in_numbers_or_in_nothing(sigma: float, val
         for out in outputs:
             codec.decode(type(out.message), codec.encode(out.message))
     assert state.group is None or np.isfinite(state.group.covariance).all()
+
+
+def too_long(message: Input) -> Input:
+    """One link of the six is wrong from its first range on."""
+    if isinstance(message, Ranging) and (message.carrier, message.peer) == ("one", "two"):
+        return replace(message, value_m=message.value_m + 100)
+    return message
+
+
+def test_a_link_that_is_wrong_from_the_start_is_found_named_and_taken_out() -> None:
+    """Believed, it leads this run to hundreds by dimension after 200 s."""
+    for step in played(with_seed(602), steps=60, heard=too_long):
+        quality = next(out.message for out in step.outputs if isinstance(out.message, Quality))
+    assert is_honest(errors(step))
+    assert np.abs(errors(step).relative_m).max() < 24
+    assert step.state.group is not None
+    (value, sigma), *_ = sorted(wrong(joint_of(step.state.group)).values(), reverse=True)
+    assert abs(value - 100) < 4 * sigma < 20
+    flags = {row.carrier: row.flag for row in quality.sources if row.source == "ranging"}
+    assert "ranges to two are" in flags["one"]
+
+
+def test_links_that_are_right_are_left_alone(whole: Played) -> None:
+    assert whole.state.group is not None
+    assert wrong(joint_of(whole.state.group)) == {}
 
 
 def tracking(report: str) -> dict[str, Any]:
