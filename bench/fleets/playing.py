@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from bench.fleets.bound import Bound, bound
 from bench.fleets.families import OWN, absences
 from bench.in_process import played
 from crossfix.evaluation import FrameError, PictureSummary, frame_errors
@@ -48,17 +49,34 @@ class Outcome(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """A fleet with its errors, and the same with none."""
+    """A fleet with its errors, the same with none, and what is the least that both can err."""
 
     family: str
     erring: Outcome
     exact: Outcome
+    bound: Bound
 
     @property
     def ratio(self) -> float:
         """GOSPA by that without errors; nan where there is no picture."""
         erring, exact = self.erring.picture, self.exact.picture
         return erring.gospa_m / exact.gospa_m if erring and exact and exact.gospa_m else np.nan
+
+    @property
+    def allowed(self) -> float:
+        """The same where what tracks err grows as the bound does."""
+        exact, bound = self.exact.picture, self.bound
+        if not exact or not exact.gospa_m:
+            return np.nan
+        squared = (exact.localisation_m * bound.error_m / bound.known_m) ** 2
+        squared += exact.missed_m**2 + exact.false_m**2
+        return float(np.sqrt(squared / _squared(exact)))
+
+    @property
+    def claimed(self) -> float:
+        """Sigma of tracks by the least possible; nan where there are none."""
+        erring = self.erring.picture
+        return erring.sigma_m / self.bound.error_m if erring else np.nan
 
     @property
     def track_nees(self) -> float:
@@ -70,7 +88,7 @@ def both(family: str, scenario: Scenario) -> Pair:
     """Play a fleet of a family with its errors and with none."""
     away = absences(family, scenario.declared.steps)
     exact = with_overrides(scenario, {"errors.enabled": False})
-    return Pair(family, judged(scenario, away), judged(exact, away))
+    return Pair(family, judged(scenario, away), judged(exact, away), bound(scenario))
 
 
 def judged(scenario: Scenario, away: Callable[[int], Container[str]]) -> Outcome:
@@ -93,3 +111,7 @@ def judged(scenario: Scenario, away: Callable[[int], Container[str]]) -> Outcome
 
 def _nees(errors: list[FrameError]) -> float:
     return float(np.mean([error.nees for error in errors])) / DIMENSIONS
+
+
+def _squared(picture: PictureSummary) -> float:
+    return picture.localisation_m**2 + picture.missed_m**2 + picture.false_m**2
