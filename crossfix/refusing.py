@@ -15,7 +15,8 @@ from crossfix.making import Made, end_of, header_of, is_torn, made, put, writing
 from crossfix.reading_progress import Show, unseen
 from crossfix.settings_changes import SettingChange, changes_between, with_changes
 from fusion_center.fuse import Fusible, fuse
-from fusion_center.pipeline import Outputs, initial
+from fusion_center.pipeline import initial
+from fusion_center.published import Outputs
 from fusion_center.settings import settings_from
 from schemas import codec, keys
 from schemas.errors import RecordingError, WireError

@@ -11,7 +11,7 @@ from schemas.messages import Closed, DeclaredScenario, Event, Input
 
 from . import pipeline
 from .holding import Holding
-from .pipeline import Outputs
+from .published import Outputs
 from .settings import Settings, settings_from
 from .state import State
 

@@ -5,9 +5,6 @@ A Closed is fused instant by instant, in the order of the stamps. Reports of sev
 one instant, from what was seen about it. So the estimates and their monitors depend on what was
 said of which instant, and not on how time was cut into Closed messages. Messages that come in a
 later Closed than younger ones already fused are put in their place, see `rollback`.
-
-A Correction of every other carrier is published with every Closed. Where there was no report event
-it repeats the last one; `valid_t_ns` says for when it holds.
 """
 
 from __future__ import annotations
@@ -19,50 +16,23 @@ from msgspec.structs import replace
 
 from schemas import keys
 from schemas.errors import SettingsError
-from schemas.feedback import correction_id
-from schemas.messages import (
-    Alignment,
-    Association,
-    Closed,
-    Correction,
-    DeclaredScenario,
-    Event,
-    Input,
-    Output,
-    Quality,
-    SourceReport,
-    Tracks,
-)
+from schemas.messages import Closed, DeclaredScenario, Event, Input, SourceReport
 
 from . import rollback, timeline
-from .group import chosen
 from .group import filtering as group
-from .group.published import beacons_told, carriers_told
 from .orders import carry_out
 from .passive import frames as passive_frames
 from .passive import lines as passive_lines
 from .picture import fusing as picture
-from .picture import shown
+from .published import Outputs, published
 from .quality import Tally
-from .relative_frames import feedback, joint, memoryless
-from .relative_frames.monitor import sentence
+from .relative_frames import joint, memoryless
 from .rollback import Course
 from .settings import Settings
 from .sources.intake import absorb, out_of_order, take_part
 from .sources.uncorrected import taken_out
 from .state import State
 from .timeline import Batch
-
-
-class Published(NamedTuple):
-    """An output and where it goes: `topic.key(run, *ids)`."""
-
-    topic: keys.Topic
-    ids: tuple[str, ...]
-    message: Output
-
-
-Outputs = list[Published]
 
 
 class _Registrar(NamedTuple):
@@ -123,7 +93,7 @@ def step(state: State, closed: Closed, messages: Sequence[Input | Event]) -> tup
         state = _fused(rollback.remembered(state, instant), instant, course, tally)
 
     # what is known at the closing
-    return _published(rollback.settled(state), closed, batch, tally)
+    return published(rollback.settled(state), closed, batch, tally)
 
 
 def _fused(state: State, instant: timeline.Instant, course: Course, tally: Tally) -> State:
@@ -157,119 +127,3 @@ def _not_fused(batch: Batch, closed: Closed) -> Tally:
     for message in batch.future:
         tally.future(message, (message.t_ns - closed.t_ns) * 1e-9)
     return tally
-
-
-def _published(state: State, closed: Closed, batch: Batch, tally: Tally) -> tuple[State, Outputs]:
-    """The outputs of a Closed, numbered by their keys."""
-    correction, association, quality = keys.CORRECTION, keys.ASSOCIATION, keys.QUALITY
-    track = keys.TRACK
-    centre, published = state.centre, dict(state.published)
-
-    def number(topic: keys.Topic, *ids: str) -> int:
-        name = "/".join((topic.name, *ids))
-        published[name] = published.get(name, 0) + 1
-        return published[name]
-
-    outputs = [
-        Published(
-            correction,
-            (centre, carrier),
-            _correction(state, closed, carrier, number(correction, centre, carrier)),
-        )
-        for carrier in sorted(state.links)
-    ]
-    associated = _association(state, closed, tally, number(association, centre))
-    how_well = _quality(state, closed, batch, tally, number(quality, centre))
-    told = shown.at_closing(state, closed.t_ns)
-    drawn = Tracks(
-        centre=centre,
-        seq=number(track, centre),
-        step=closed.step,
-        t_ns=closed.t_ns,
-        objects=told.objects.mean,
-        sigma_objects=told.objects.sigma,
-        tracks=told.tracks,
-        lines=passive_lines.lines(state, closed.t_ns),
-    )
-    outputs.append(Published(track, (centre,), drawn))
-    outputs.append(Published(association, (centre,), associated))
-    if group.is_wanted(state):
-        seq = number(keys.ALIGNMENT, centre)
-        outputs.append(Published(keys.ALIGNMENT, (centre,), _alignment(state, closed, seq)))
-    outputs.append(Published(quality, (centre,), how_well))
-    return replace(state, published=published), outputs
-
-
-def _association(state: State, closed: Closed, tally: Tally, seq: int) -> Association:
-    """Which logs of a Closed belong together."""
-    return Association(
-        centre=state.centre,
-        seq=seq,
-        step=closed.step,
-        t_ns=closed.t_ns,
-        targets=tally.targets(),
-        alone=tally.alone(),
-    )
-
-
-def _quality(state: State, closed: Closed, batch: Batch, tally: Tally, seq: int) -> Quality:
-    """How well what was said agrees, and what was not fused."""
-    return Quality(
-        centre=state.centre,
-        seq=seq,
-        step=closed.step,
-        t_ns=closed.t_ns,
-        sources=tally.sources(),
-        late=batch.late_count,
-        gave_up=batch.gave_up_count,
-        messages=batch.fused,
-    )
-
-
-def _alignment(state: State, closed: Closed, seq: int) -> Alignment:
-    """Beacons, and the carriers that range to them and to each other, as known at a closing."""
-    return Alignment(
-        centre=state.centre,
-        seq=seq,
-        step=closed.step,
-        t_ns=closed.t_ns,
-        beacons=beacons_told(state),
-        carriers=carriers_told(state),
-    )
-
-
-def _correction(state: State, closed: Closed, carrier: str, seq: int) -> Correction:
-    """Where a carrier's frame lies, as far as it is known at a closing."""
-    monitor, estimate = chosen.status(state, carrier, closed.t_ns)
-    blank = Correction(
-        centre=state.centre,
-        seq=seq,
-        step=closed.step,
-        t_ns=closed.t_ns,
-        carrier=carrier,
-        id=correction_id(state.centre, carrier, closed.step),
-        state=monitor.state,
-        reason=monitor.reason[:1024],
-    )
-    if estimate is None:
-        return blank
-    wander = max(feedback.wander_m2_s(state, carrier) + estimate.spreads_m2_s, 0.0)
-    return replace(
-        blank,
-        valid_t_ns=estimate.valid_t_ns,
-        since_t_ns=estimate.since_t_ns,
-        valid_for_s=estimate.valid_for_s,
-        own_pose=estimate.own_pose,
-        other_pose=estimate.other_pose,
-        own_axes=estimate.own_axes,
-        fixed_axes=estimate.fixed_axes,
-        directions=list(estimate.directions),
-        weakest=sentence(estimate.directions[0]),
-        pairs=estimate.pairs,
-        chi2=estimate.chi2,
-        dof=estimate.dof,
-        method=estimate.method,
-        mode_probability=estimate.mode_probability,
-        terms=list(estimate.terms),
-        feedback=feedback.of(estimate, wander) if monitor.state == "applied" else None,
-    )

@@ -13,7 +13,7 @@ from msgspec.structs import replace as changed
 
 from estimation.consistency import mean_interval
 from fusion_center import pipeline
-from fusion_center.pipeline import Outputs
+from fusion_center.published import Outputs
 from fusion_center.state import State
 from schemas.messages import Correction
 from tests.fusion_center.scenes import (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fusion_center import pipeline
-from fusion_center.pipeline import Outputs
+from fusion_center.published import Outputs
 from fusion_center.state import State
 from schemas.messages import Tracks
 from tests.fusion_center.scenes import Scene, closed, correction, drawn, own_axes_score, two_ships
