@@ -27,11 +27,13 @@ class Motion(NamedTuple):
 
     Attributes:
         noise: (models,) spectral density [m^2/s^3] of each component of the white acceleration.
-        louder_s: (models - 1,) mean time [s] until a target moves in the next louder way.
+        louder_s: (models - 1,) mean time [s] until a target takes up each way but the first.
         quieter_s: (models - 1,) mean time until one that does falls back.
         sigma_speed_mps: one sigma of each velocity component of a target just found.
         turning: (models,) spectral density [rad^2/s] of a white turn rate; empty = none turns so.
         hastening: (models,) spectral density [1/s] of a white relative change of speed; likewise.
+        out_of: (models - 1,) way before it that each but the first is taken up out of, and falls
+            back to; empty = the one just before it.
     """
 
     noise: tuple[float, ...] = (1.0, 300.0)
@@ -40,24 +42,32 @@ class Motion(NamedTuple):
     sigma_speed_mps: float = 150.0
     turning: tuple[float, ...] = ()
     hastening: tuple[float, ...] = ()
+    out_of: tuple[int, ...] = ()
 
     @property
     def models(self) -> int:
         """Number of them."""
         return len(self.noise)
 
+    @property
+    def origins(self) -> tuple[int, ...]:
+        """(models - 1,) `out_of`, none left out."""
+        return self.out_of or tuple(range(self.models - 1))
+
     def steady(self) -> Array:
         """(models,) share of the targets that move so, in the long run."""
-        ratio = np.divide(self.quieter_s, self.louder_s)
-        share = np.cumprod(np.append(1.0, ratio))
+        share = np.ones(self.models)
+        for k, origin in enumerate(self.origins):
+            share[k + 1] = share[origin] * self.quieter_s[k] / self.louder_s[k]
         steady: Array = share / share.sum()
         return steady
 
     @lru_cache(maxsize=64)  # noqa: B019 - of the value; sources report at even intervals
     def change(self, dt_s: float) -> Array:
         """(models, models) probability that a target of one model is of another `dt_s` later."""
-        louder, quieter = np.divide(1.0, self.louder_s), np.divide(1.0, self.quieter_s)
-        rate = np.diag(louder, 1) + np.diag(quieter, -1)
+        rate = np.zeros((self.models, self.models))
+        for k, origin in enumerate(self.origins):
+            rate[origin, k + 1], rate[k + 1, origin] = 1 / self.louder_s[k], 1 / self.quieter_s[k]
         change: Array = expm((rate - np.diag(rate.sum(axis=1))) * dt_s)
         change.flags.writeable = False
         return change

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from estimation.arrays import Array, Indices, beginnings
 from estimation.assignment import assignment
+from estimation.tracking.tangles import summed
 
 _TOLERANCE = 1e-3
 _PASSES = 4  # between two looks at what has settled
@@ -50,10 +51,11 @@ class Marginals(NamedTuple):
 
 
 def by_belief(given: Candidates) -> Marginals:
-    """Marginals by loopy belief propagation; exact where the candidates form no loop.
+    """Marginals by loopy belief propagation; exact without loops, and in small groups.
 
     Pairs that no other pair touches are exact at once. Faint ones are weighed against what the
-    others settled on, but take no part in settling it. The others are iterated.
+    others settled on, but take no part in settling it. The others are iterated; small groups of
+    them that form loops are then summed over completely (`tangles`).
 
     Source: Williams & Lau, Approximate evaluation of marginal association probabilities with
     belief propagation, IEEE Trans. AES 50(4), 2014, eqs 21-26.
@@ -68,7 +70,22 @@ def by_belief(given: Candidates) -> Marginals:
     rest = _sums(given.plot, bid, given.plots)[given.plot] - bid
     claim = given.weight / (1.0 + np.maximum(rest, 0.0))
     pair = claim / (1.0 + _sums(given.track, claim, given.tracks)[given.track])
-    return _completed(given, pair)
+    return _completed(given, _with_tangles(given, pair, rivals))
+
+
+def _with_tangles(given: Candidates, pair: Array, rivals: Indices) -> Array:
+    """Probabilities of pairs, those of small groups with loops summed exactly.
+
+    What faint pairs have of a track is little, and stays theirs.
+    """
+    some = given.take(rivals)
+    exact = summed(some.track, some.plot, some.weight)
+    rows = rivals[exact.pair]
+    mended = pair.copy()
+    mended[rows] = 0.0
+    faint = _sums(given.track, mended, given.tracks)[given.track[rows]]
+    mended[rows] = exact.probability * np.maximum(1.0 - faint, 0.0)
+    return mended
 
 
 def by_assignment(given: Candidates) -> Marginals:

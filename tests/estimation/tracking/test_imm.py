@@ -26,6 +26,7 @@ from tests.estimation.tracking.states import KINDS, SITE, plots_of, some_bank
 
 MOTION = Motion()
 FOUR = Motion((1e-3, 0.05, 2.0, 20.0), (3000.0, 60.0, 100.0), (600.0, 20.0, 10.0))
+FORKED = FOUR._replace(out_of=(0, 0, 1))
 TURNING = FOUR._replace(turning=(0.0, 0.0, 0.005, 0.02), hastening=(0.0, 0.0, 0.001, 0.004))
 
 
@@ -41,13 +42,18 @@ def dense(parts: Array, track: int) -> list[Array]:
     return [parts[..., model, track] for model in range(parts.shape[-2])]
 
 
-@pytest.mark.parametrize("motion", [MOTION, FOUR, TURNING], ids=["two", "four", "turning"])
+@pytest.mark.parametrize(
+    "motion", [MOTION, FOUR, FORKED, TURNING], ids=["two", "four", "forked", "turning"]
+)
 def test_prediction_is_the_textbooks_one_track_at_a_time(motion: Motion) -> None:
     bank, dt = some_bank(np.random.default_rng(1), 5, models=motion.models), 1.7
     after = imm.predicted(bank, dt, motion)
     f = np.eye(4) + dt * np.eye(4, k=2)
     block = np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-    rate = np.diag(1 / np.array(motion.louder_s), 1) + np.diag(1 / np.array(motion.quieter_s), -1)
+    rate = np.zeros((motion.models, motion.models))
+    for way, out_of in enumerate(motion.out_of or range(motion.models - 1), start=1):
+        rate[out_of, way] = 1 / motion.louder_s[way - 1]
+        rate[way, out_of] = 1 / motion.quieter_s[way - 1]
     change = expm(dt * (rate - np.diag(rate.sum(axis=1))))
     for i in range(5):
         x, p, mu = dense(bank.mean, i), dense(bank.covariance, i), bank.model[:, i]
@@ -85,7 +91,7 @@ def test_a_turn_pushes_a_target_aside_and_the_more_the_faster_it_is() -> None:
     np.testing.assert_allclose(after.covariance[3, 3, 0], 0.0)
 
 
-@pytest.mark.parametrize("motion", [MOTION, FOUR], ids=["two", "four"])
+@pytest.mark.parametrize("motion", [MOTION, FOUR, FORKED], ids=["two", "four", "forked"])
 def test_ways_of_moving_keep_their_shares_in_the_long_run(motion: Motion) -> None:
     """Those of targets just found stay, and whatever a track is thought to do, it comes to them."""
     np.testing.assert_allclose(motion.steady() @ motion.change(7.0), motion.steady(), rtol=1e-12)
