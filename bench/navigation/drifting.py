@@ -1,15 +1,18 @@
 """Clocks that drift: scenario `group` for half an hour, as told to the fusion centre and not told.
 
-    python -m bench.navigation.drifting [--seed N] [--runs N] [--json]
+    python -m bench.navigation.drifting [--ppm SIGMA] [--duration SECONDS] [--declared]
+                                        [--seed N] [--runs N] [--json]
 
-Whole runs in process, some 40 s each. The clocks of its three carriers gain 20 ppm (one sigma);
-targets come from every side in turn, four or five of them being there at a time.
+Whole runs in process, some 40 s for each half hour. The clocks of its three carriers gain 20 ppm
+(one sigma); targets come from every side in turn, four or five of them being there at a time. With
+`--declared` only the runs of which the centre is told.
 """
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,27 +23,34 @@ from estimation.consistency import mean_interval, rms
 from estimation.frames import rotation_clockwise
 from sim_world.scenario import Scenario, load_scenario, with_overrides
 
-DURATION_S, STEP_S, SIGMA_PPM = 1800.0, 2.5, 20.0
-LOOKED_AT_S = (600.0, 1200.0, 1800.0)
+STEP_S = 2.5
 CARRIERS = ("one", "two", "three")
-TARGETS, EVERY_S, BEFORE_S = 26, 75.0, 180.0
+EVERY_S, BEFORE_S = 75.0, 180.0
 """One passes the middle every so often, and is there so long before and after it."""
 ERRORS = 10
 """Of three places, two headings and two clocks, each against the own ones."""
 
 
-def scenario(seed: int, *, declared: bool) -> Scenario:
-    """Half an hour of three carriers whose clocks drift, whether that is declared or not."""
-    drift_ppm = SIGMA_PPM * np.random.default_rng([seed, 50]).standard_normal(len(CARRIERS))
+class Drift(NamedTuple):
+    """How much clocks gain (one sigma), for how long."""
+
+    sigma_ppm: float = 20.0
+    duration_s: float = 1800.0
+
+
+def scenario(seed: int, drift: Drift, *, declared: bool) -> Scenario:
+    """Three carriers whose clocks drift, whether that is declared or not."""
+    targets = int(drift.duration_s // EVERY_S) + 2
+    drift_ppm = drift.sigma_ppm * np.random.default_rng([seed, 50]).standard_normal(len(CARRIERS))
     changes: dict[str, Any] = {
         "seed": seed,
-        "time.duration_s": DURATION_S,
+        "time.duration_s": drift.duration_s,
         "time.step_s": STEP_S,
-        "targets": [_target(number) for number in range(TARGETS)],
+        "targets": [_target(number) for number in range(targets)],
     }
     for name, gained in zip(CARRIERS, drift_ppm.tolist(), strict=True):
         changes[f"carriers.{name}.errors.clock_drift_ppm"] = gained
-        changes[f"carriers.{name}.navigation.sigma_clock_drift_ppm"] = SIGMA_PPM * declared
+        changes[f"carriers.{name}.navigation.sigma_clock_drift_ppm"] = drift.sigma_ppm * declared
     return with_overrides(load_scenario(SCENARIOS / "group.toml"), changes)
 
 
@@ -66,19 +76,20 @@ def _target(number: int) -> dict[str, Any]:
     }
 
 
-def looks(seed: int, *, declared: bool) -> list[Errors]:
-    """Errors at the instants looked at."""
-    steps = {round(at_s / STEP_S) for at_s in LOOKED_AT_S}
-    run = played(scenario(seed, declared=declared))
+def looks(seed: int, drift: Drift, *, declared: bool) -> list[Errors]:
+    """Errors at the thirds of a run."""
+    steps = {round(drift.duration_s * third / 3 / STEP_S) for third in (1, 2, 3)}
+    run = played(scenario(seed, drift, declared=declared))
     return [errors(step) for step in run if step.closed.step in steps]
 
 
-def measured(seed: int, runs: int) -> Iterator[Figure]:
-    """How honest the joint state is as the clocks part."""
+def measured(seed: int, runs: int, drift: Drift, *, untold: bool) -> Iterator[Figure]:
+    """How honest the joint state is as the clocks part, and if it is not told that they do."""
     low, high = mean_interval(ERRORS, runs, 0.99)
-    for declared, how in ((True, "drift"), (False, "drift not declared")):
-        every = [looks(seed + i, declared=declared) for i in range(runs)]
-        for at_s, found in zip(LOOKED_AT_S, zip(*every, strict=True), strict=True):
+    looked_at_s = [drift.duration_s * third / 3 for third in (1, 2, 3)]
+    for declared, how in ((True, "drift"), (False, "drift not declared"))[: 1 + untold]:
+        every = [looks(seed + i, drift, declared=declared) for i in range(runs)]
+        for at_s, found in zip(looked_at_s, zip(*every, strict=True), strict=True):
             name, honest = f"{how}, {at_s:.0f} s", float(np.mean([e.nees for e in found]))
             label = f"{name}: NEES by dimension"
             yield between(label, honest, low, high) if declared else told(label, honest)
@@ -91,8 +102,16 @@ def measured(seed: int, runs: int) -> Iterator[Figure]:
 
 def main() -> None:
     """Measure, print."""
-    given = options("Clocks that drift for half an hour.", runs=8)
-    report(measured(given.seed, given.runs), given)
+    parser = argparse.ArgumentParser(add_help=False)
+    parser.add_argument("--ppm", type=float, default=Drift().sigma_ppm)
+    parser.add_argument("--duration", type=float, default=Drift().duration_s)
+    parser.add_argument("--declared", action="store_true")
+    ways, rest = parser.parse_known_args()
+    given = options(
+        "Clocks that drift; --ppm SIGMA, --duration SECONDS, --declared.", runs=8, arguments=rest
+    )
+    drift = Drift(ways.ppm, ways.duration)
+    report(measured(given.seed, given.runs, drift, untold=not ways.declared), given)
 
 
 if __name__ == "__main__":
