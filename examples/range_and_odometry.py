@@ -13,8 +13,9 @@ from __future__ import annotations
 import argparse
 import gzip
 import io
+import sys
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.io import loadmat
@@ -33,10 +34,18 @@ from estimation.system_alignment import (
     ranges,
 )
 
-SIGMA_RANGE_M = 0.6
+SIGMA_RANGE_M, SIGMA_OFFSET_M = 0.6, 0.5  # beacons are not all alike
 SIGMA_SLIP_MPS_ROOT_S, SIGMA_ASIDE_RAD_ROOT_S = 0.03, 0.07  # wheels slip, the body crabs in turns
-SIGMA_GYRO_RAD_ROOT_S, SIGMA_MOUNTING_RAD, SIGMA_WHEEL_SCALE = 0.0005, 0.03, 0.003
+SIGMA_GYRO_RAD_ROOT_S, SIGMA_MOUNTING_RAD, SIGMA_WHEEL_SCALE = 0.0005, 0.03, 0.005
 SIGMA_BEACON_M, SIGMA_RANGE_SCALE = 300.0, 0.1  # next to nothing is known
+
+_COLUMNS = {
+    "DR": ("time", "distance", "turn"),
+    "TD": ("time", "from", "to", "range"),
+    "TL": ("beacon", "x", "y"),
+    "GT": ("time", "x", "y", "heading"),
+}
+_IN_ORDER = ("DR", "GT")
 
 
 class Drive(NamedTuple):
@@ -71,11 +80,18 @@ class Comparison(NamedTuple):
 
 
 def read(path: Path) -> Drive:
-    """A drive from a `.mat` file, gzipped or not."""
-    raw = path.read_bytes()
-    tables = loadmat(io.BytesIO(gzip.decompress(raw) if path.suffix == ".gz" else raw))
+    """A drive from a `.mat` file, gzipped or not.
+
+    Raises:
+        ValueError: it cannot be read, or a table is missing, too narrow, empty or out of order.
+    """
+    try:
+        raw = path.read_bytes()
+        tables = loadmat(io.BytesIO(gzip.decompress(raw) if path.suffix == ".gz" else raw))
+    except Exception as reason:  # whatever scipy makes of bytes that are no such file
+        raise ValueError(f"{path}: cannot be read as a .mat file: {reason}") from reason
     odometry, measured, surveyed, truth = (
-        tables[k].astype(float) for k in ("DR", "TD", "TL", "GT")
+        _table(path, tables, name, columns) for name, columns in _COLUMNS.items()
     )
     time = np.unique(measured[:, 0])
     heard = np.setdiff1d(measured[:, 2], surveyed[:, 0])
@@ -89,6 +105,22 @@ def read(path: Path) -> Drive:
     )
     places = np.column_stack([np.interp(time, truth[:, 0], truth[:, i]) for i in (1, 2)])
     return Drive(_reckoned(odometry, truth[0], time), logs, known, places)
+
+
+def _table(path: Path, tables: dict[str, Any], name: str, columns: tuple[str, ...]) -> Array:
+    """One table, its columns checked."""
+    form = f"{path}: needs a table {name} with columns {', '.join(columns)}"
+    if name not in tables:
+        raise ValueError(f"{form}: it is not there")
+    table = np.asarray(tables[name])
+    if table.ndim != 2 or table.shape[1] < len(columns) or table.dtype.kind not in "iuf":
+        raise ValueError(f"{form}: got shape {table.shape} of {table.dtype}")
+    table = table.astype(float)
+    if not len(table) or not np.isfinite(table[:, : len(columns)]).all():
+        raise ValueError(f"{form}: it is empty, or has values that are no numbers")
+    if name in _IN_ORDER and np.any(np.diff(table[:, 0]) < 0):
+        raise ValueError(f"{form}: times must not go back")
+    return table
 
 
 def _reckoned(odometry: Array, first: Array, time: Array) -> DeadReckoning:
@@ -117,6 +149,7 @@ def survey(drive: Drive) -> Alignment:
     known = prior(
         np.zeros((count, 3)),
         [SIGMA_BEACON_M, SIGMA_BEACON_M, 0.0],  # all in one plane
+        sigma_offset_m=SIGMA_OFFSET_M,
         sigma_range_scale=SIGMA_RANGE_SCALE,
         sigma_heading_bias_rad=SIGMA_MOUNTING_RAD,
         sigma_speed_scale=SIGMA_WHEEL_SCALE,
@@ -145,7 +178,10 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("file", type=Path, help="a .mat file of the Plaza sets, may be gzipped")
-    drive = read(parser.parse_args().file)
+    try:
+        drive = read(parser.parse_args().file)
+    except ValueError as reason:
+        sys.exit(str(reason))
     found = survey(drive)
     told = compared(found, drive)
     sigma = np.sqrt(np.diag(found.covariance))

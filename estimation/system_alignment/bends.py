@@ -19,7 +19,7 @@ from estimation.bordered import Linearised, Solution, inverse, minimise
 from estimation.system_alignment.losses import squares
 from estimation.system_alignment.model import Model
 
-_LOOSE = 0.2  # posterior over prior sigma from which an axis is looked at
+LOOSE = 0.2  # posterior over prior sigma from which an axis is looked at
 _TRIED, _STRAIGHT = 1.5, 0.6  # sigmas to both sides; chi2 by which the parabola may be wrong there
 _STRIDE, _TURN = (
     0.75,
@@ -31,6 +31,7 @@ _PATIENT, _HALVED = 8, 5
 _TURNS = 20  # of axes towards plain ones
 _BELIEVED = 1e-3  # weight below which a range is left out
 _LEAST = 0.1  # of the parabola's variances
+_FAR = 5.0  # sigmas by the curvature at the mode
 _ROOT = np.sqrt(2 * np.pi)
 
 
@@ -63,16 +64,19 @@ class Spread(NamedTuple):
         square: (T, T) mean square distance from it.
         shift: (T,) mean distance.
         log_mass: logarithm of the probability, up to what all modes have in common.
+        far: whether several ridges leave their tangents by many sigmas, so that they bend each
+            other too.
     """
 
     square: Array
     shift: Array
     log_mass: float
+    far: bool = False
 
 
 def tangent(found: Solution) -> Spread:
     """Moments about the mode by the curvature there alone."""
-    mass = -0.5 * (found.cost + _width(found))
+    mass = -0.5 * (found.cost + width(found))
     return Spread(found.covariance, np.zeros(len(found.theta)), mass)
 
 
@@ -82,18 +86,18 @@ def spread(model: Model, found: Solution) -> Spread:
     Loose axes are taken one by one: what bends along one is added to what bends along the others.
     """
     straight = tangent(found)
-    model = _settled(model, found)
+    model = settled(model, found)
     found = found._replace(cost=model(found.x, found.theta).cost)
     covariance, whitener = straight.square, model.whitener
     values, axes = np.linalg.eigh(whitener @ covariance @ whitener.T)
-    loose = _plain(axes[:, values >= _LOOSE**2])
+    loose = _plain(axes[:, values >= LOOSE**2])
     bent = [axis for axis in loose.T if _bends(model, found, axis)]
     if not bent:
         return straight
     whole, shift, mass = covariance.copy(), straight.shift.copy(), straight.log_mass
-    held = _held(model, loose)
+    rows = held(model, loose)
     pinned = found._replace(
-        factored=found.factored._replace(information=found.factored.information + held.T @ held)
+        factored=found.factored._replace(information=found.factored.information + rows.T @ rows)
     )
     for axis in bent:
         start = _point(model, pinned, pinned, loose, axis, 0.0)
@@ -103,16 +107,21 @@ def spread(model: Model, found: Solution) -> Spread:
         whole += square - np.outer(mean, mean) - np.outer(step, step) - start.across
         shift += mean
     square = _at_least(_LEAST * covariance, whole + np.outer(shift, shift))
-    return Spread(square, shift, float(mass))
+    return Spread(square, shift, float(mass), far=len(bent) > 1 and _reach(found, square) > _FAR)
 
 
-def _width(found: Solution) -> float:
+def _reach(found: Solution, square: Array) -> float:
+    """The largest root mean square distance (T, T) in sigmas by the curvature at the mode."""
+    return float(np.sqrt(np.linalg.eigvals(found.factored.information @ square).real.max()))
+
+
+def width(found: Solution) -> float:
     """Logarithm of the determinant of the information of path and constants."""
     path = 2 * np.log(found.factored.root[0]).sum()
     return float(path + np.linalg.slogdet(found.factored.information)[1])
 
 
-def _settled(model: Model, found: Solution) -> Model:
+def settled(model: Model, found: Solution) -> Model:
     """The problem with every range believed as at the mode: along a ridge none is doubted anew."""
     weight = model.loss(model.residuals(found.x, found.theta))[1]
     logs = model.logs.of(weight > _BELIEVED)
@@ -140,13 +149,13 @@ def _bends(model: Model, found: Solution, axis: Array) -> bool:
     sigma = 1 / np.sqrt(step @ found.factored.information @ step)
     for side in (-_TRIED, _TRIED):
         moved = side * sigma * step
-        cost = model(found.x + _path(found, moved), found.theta + moved).cost
+        cost = model(found.x + path_after(found, moved), found.theta + moved).cost
         if abs(cost - found.cost - _TRIED**2) > _STRAIGHT:
             return True
     return False
 
 
-def _path(found: Solution, moved: Array) -> Array:
+def path_after(found: Solution, moved: Array) -> Array:
     """How the path follows the constants."""
     followed: Array = -(found.factored.shadow @ moved).reshape(found.x.shape)
     return followed
@@ -190,8 +199,8 @@ def _next(model: Model, start: _Point, point: _Point, stride: float) -> _Point |
     for _ in range(_HALVED):
         moved = np.asarray(stride * np.linalg.solve(model.whitener, point.along), dtype=float)
         theta = point.solution.theta + moved
-        x = point.solution.x + _path(point.solution, moved)
-        there = minimise(_across(model, _held(model, point.loose), theta), x, theta, _PATIENT)
+        x = point.solution.x + path_after(point.solution, moved)
+        there = minimise(across(model, held(model, point.loose), theta), x, theta, _PATIENT)
         aside = model.whitener @ (there.theta - theta)
         if there.converged and np.linalg.norm(aside) < _TURN * stride:
             return _point(model, start.solution, there, point.loose, point.along, stride)
@@ -199,13 +208,13 @@ def _next(model: Model, start: _Point, point: _Point, stride: float) -> _Point |
     return None
 
 
-def _held(model: Model, loose: Array) -> Array:
+def held(model: Model, loose: Array) -> Array:
     """Rows (K, T) that hold the constants along some axes."""
     rows: Array = loose.T @ model.whitener / _PINNED
     return rows
 
 
-def _across(model: Model, held: Array, theta: Array) -> Callable[[Array, Array], Linearised]:
+def across(model: Model, held: Array, theta: Array) -> Callable[[Array, Array], Linearised]:
     """The problem with some axes held at a place."""
 
     def pinned(x: Array, free: Array) -> Linearised:
@@ -223,15 +232,15 @@ def _point(
     model: Model, mode: Solution, there: Solution, loose: Array, along: Array, length: float
 ) -> _Point:
     """A point of the ridge `along` which the loose axes of the last one were held."""
-    held, back = _held(model, loose), np.linalg.inv(model.whitener)
+    rows, back = held(model, loose), np.linalg.inv(model.whitener)
     pinned = there.factored.information
-    scaled = back.T @ (pinned - held.T @ held) @ back
+    scaled = back.T @ (pinned - rows.T @ rows) @ back
     if length:
         loose = np.linalg.eigh((scaled + scaled.T) / 2)[1][:, : loose.shape[1]]
         along = loose @ (loose.T @ along)
         along = along / np.linalg.norm(along)
     sigma = 1 / np.sqrt(max(float(along @ scaled @ along), 1.0))
-    cost = there.cost - mode.cost + _width(there) - _width(mode)
+    cost = there.cost - mode.cost + width(there) - width(mode)
     return _Point(there, loose, along, sigma, cost, inverse(pinned), length)
 
 

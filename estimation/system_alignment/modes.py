@@ -15,9 +15,11 @@ from scipy.special import ndtri
 
 from estimation.arrays import Array
 from estimation.bordered import Solution
-from estimation.system_alignment.bends import Spread, spread, tangent
+from estimation.system_alignment.bends import Spread, settled, spread, tangent
 from estimation.system_alignment.model import Model
 from estimation.system_alignment.parameters import places_of
+from estimation.system_alignment.ridges import Sample, sampled
+from estimation.system_alignment.sides import difference, track_of
 
 Solve = Callable[[Array, Array], Solution]
 Start = tuple[Array, Array]
@@ -26,6 +28,7 @@ _DRAWS = 8  # starts from the prior
 _ROOTED = 40  # iterations to the root of x^(d + 1) = x + 1
 _WALKED = 4  # modes whose ridges are walked
 _IMPROBABLE = 10.0  # chi2 above the best from which a mode is none
+_RARE = 0.05  # probability of all others below which there is no choice
 _SAME = 0.1  # prior sigmas between solutions that are one
 _NEAR, _ASIDE = 1 / 3, 1 / 2  # of the distance from path, from track: a prior that tells no side
 _SURPRISE = 4.0  # sigmas by which the ranges' chi2 may be larger than their number
@@ -37,10 +40,12 @@ class Mode(NamedTuple):
     Attributes:
         theta: (7 + 4 J,).
         probability: its share among all modes.
+        name: how it differs from the best, in words.
     """
 
     theta: Array
     probability: float
+    name: str
 
     @property
     def beacons_m(self) -> Array:
@@ -55,11 +60,13 @@ class Mixture(NamedTuple):
         best: the most probable constants of all.
         others: the other modes, the more probable first.
         square: (T, T) mean square distance of the free constants from the best.
+        ambiguous: whether others share the probability, or ridges had to be sampled.
     """
 
     best: Solution
     others: tuple[Mode, ...]
     square: Array
+    ambiguous: bool
 
 
 def doubtful(model: Model, found: Solution) -> bool:
@@ -77,19 +84,12 @@ def _open(model: Model, found: Solution) -> bool:
     places = np.column_stack([found.x[:, :2], model.path.height_m])
     beacons = model.theta(found.theta)[where]
     nearest = np.sqrt(np.sum((places[:, None] - beacons) ** 2, axis=2)).min(axis=0)
-    middle, along = _track(found)
+    middle, along = track_of(found.x[:, :2])
     across = np.array([-along[1], along[0]])
     way, apart = found.x[:, :2] - middle, beacons[:, :2] - middle
     aside = np.maximum(np.abs(apart @ across), np.sqrt(np.mean((way @ across) ** 2)))
     aside = np.where(np.ptp(way @ along) > sigma, aside, np.sqrt(np.sum(apart**2, axis=1)))
     return bool(np.any((sigma > _NEAR * nearest) | (sigma > _ASIDE * aside)))
-
-
-def _track(found: Solution) -> tuple[Array, Array]:
-    """Middle (2,) and direction (2,) of the straight line nearest to the path."""
-    middle = found.x[:, :2].mean(axis=0)
-    _, _, axes = np.linalg.svd(found.x[:, :2] - middle, full_matrices=False)
-    return middle, axes[0]
 
 
 def _surprising(model: Model, found: Solution) -> bool:
@@ -113,18 +113,46 @@ def mixture(
         most: starts.
     """
     modes = sorted(_modes(model, first, solve, draw, most), key=lambda mode: mode.cost)
-    best = modes[0]
     told = [tangent(mode) for mode in modes]
     likely = np.argsort([-part.log_mass for part in told])[:_WALKED]
     for i in likely:
+        if not modes[i].converged:
+            return _by_sample(model, modes, told)
         told[i] = spread(model, modes[i])
+        if told[i].far:
+            return _by_sample(model, modes, told)
+    share = _share(told)
+    best = modes[0].theta
+    apart = [_about(p, m.theta - best) for p, m in zip(told, modes, strict=True)]
+    mixed = _mixture(model, modes, share, np.einsum("k,kij->ij", share, apart))
+    return mixed._replace(ambiguous=sum(m.probability for m in mixed.others) > _RARE)
+
+
+def _by_sample(model: Model, modes: list[Solution], told: list[Spread]) -> Mixture:
+    """The same where ridges bend each other."""
+    sample = sampled(settled(model, modes[0]), modes, _share(told))
+    return _mixture(model, modes, _shares(model, modes, sample), sample.about(modes[0].theta))
+
+
+def _mixture(model: Model, modes: list[Solution], share: Array, square: Array) -> Mixture:
+    """The best mode, and the others by their shares (M,)."""
+    order = [i for i in np.argsort(-share) if i and share[i] > 0]
+    best = model.theta(modes[0].theta)
+    way, height = modes[0].x[:, :2], float(model.path.height_m.mean())
+    others = []
+    for i in order:
+        theta = model.theta(modes[i].theta)
+        name = difference(model.prior, way, height, best, theta)
+        others.append(Mode(theta, float(share[i]), name))
+    return Mixture(modes[0], tuple(others), square, ambiguous=True)
+
+
+def _share(told: list[Spread]) -> Array:
+    """(M,) probabilities by the masses."""
     mass = np.array([part.log_mass for part in told])
-    share = np.exp(mass - mass.max())
-    share /= share.sum()
-    apart = np.array([mode.theta - best.theta for mode in modes])
-    square = np.einsum("k,kij->ij", share, [_about(p, a) for p, a in zip(told, apart, strict=True)])
-    others = (Mode(model.theta(modes[i].theta), float(share[i])) for i in np.argsort(-share) if i)
-    return Mixture(best, tuple(others), square)
+    weight = np.exp(mass - mass.max())
+    share: Array = weight / weight.sum()
+    return share
 
 
 def _about(part: Spread, apart: Array) -> Array:
@@ -132,6 +160,15 @@ def _about(part: Spread, apart: Array) -> Array:
     cross = np.outer(part.shift, apart)
     square: Array = part.square + cross + cross.T + np.outer(apart, apart)
     return square
+
+
+def _shares(model: Model, modes: list[Solution], sample: Sample) -> Array:
+    """(M,) of the sample that lies nearest to each mode."""
+    places = sample.mean.reshape(-1, len(modes[0].theta)) @ model.whitener.T
+    centres = np.array([model.whitener @ mode.theta for mode in modes])
+    nearest = np.argmin(np.linalg.norm(places[:, None] - centres, axis=2), axis=1)
+    count: Array = np.bincount(nearest, minlength=len(modes)) / len(places)
+    return count
 
 
 def _modes(
@@ -176,7 +213,7 @@ def _same(model: Model, one: Solution, other: Solution) -> bool:
 def _mates(model: Model, mode: Solution) -> Iterator[Start]:
     """Each beacon put on the other side of the track, and of the level of the path."""
     theta = model.theta(mode.theta)
-    middle, along = _track(mode)
+    middle, along = track_of(mode.x[:, :2])
     height = model.path.height_m.mean()
     for x, y, z in places_of(theta):
         aside = theta.copy()

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.arrays import Array, Indices
+from estimation.bordered import last_covariance
 from estimation.system_alignment.logs import DeadReckoning, Ranges
 from estimation.system_alignment.losses import Loss, huber
 from estimation.system_alignment.model import predicted_ranges
@@ -21,6 +22,7 @@ from estimation.system_alignment.smoother import Alignment, align
 
 _ASIDE = np.array([1.0, -1.0])  # a quarter turn clockwise, of (north, east)
 _ANEW, _LATER = 8, 1.5  # epochs; times as many before the next time
+_SEARCHED = 3  # every so many times, other modes are looked for
 _BENT, _SLIGHT = 1.5, 0.1  # sigmas of a range: with what it bends; doubt of a place by the distance
 _HOPELESS = 8.0  # sigmas of the prediction: a range so far off is not used at all
 
@@ -34,6 +36,8 @@ class Filtered(NamedTuple):
         covariance: (b + T, b + T) of the place and the free constants.
         time_s: of validity, since the start.
         free: indices of the constants that are estimated.
+        doubt: (T, T) mean square distance of other modes and of ridges, found when all data were
+            last aligned anew; zeros where there are none. No part of the covariance.
     """
 
     place: Array
@@ -41,14 +45,20 @@ class Filtered(NamedTuple):
     covariance: Array
     time_s: float
     free: Indices
+    doubt: Array
 
     @property
     def theta_covariance(self) -> Array:
-        """(7 + 4 J, 7 + 4 J) of all constants; zeros where one is known."""
+        """(7 + 4 J, 7 + 4 J) of all constants, doubt included; zeros where one is known."""
         b, count = len(self.place), len(self.theta)
         whole = np.zeros((count, count))
-        whole[np.ix_(self.free, self.free)] = self.covariance[b:, b:]
+        whole[np.ix_(self.free, self.free)] = self.covariance[b:, b:] + self.doubt
         return whole
+
+    @property
+    def ambiguous(self) -> bool:
+        """Whether other modes or ridges leave a doubt that no step of the filter settles."""
+        return bool(self.doubt.any())
 
 
 def started(path: DeadReckoning, prior: Prior) -> Filtered:
@@ -59,13 +69,16 @@ def started(path: DeadReckoning, prior: Prior) -> Filtered:
     place[:2] = path.start_m
     covariance = np.zeros((b + len(free), b + len(free)))
     covariance[b:, b:] = prior.covariance[np.ix_(free, free)]
-    return Filtered(place, prior.mean.copy(), covariance, 0.0, free)
+    doubt = np.zeros((len(free), len(free)))
+    return Filtered(place, prior.mean.copy(), covariance, 0.0, free, doubt)
 
 
 def resumed(found: Alignment, time_s: float) -> Filtered:
     """The filter where the smoother ended; the constants are free that were free there."""
     place = found.solution.x[-1].copy()
-    return Filtered(place, found.theta, found.last_covariance, time_s, found.prior.free)
+    free = found.prior.free
+    doubt = np.zeros((len(free), len(free)))
+    return Filtered(place, found.theta, found.last_covariance, time_s, free, doubt)
 
 
 def predicted(state: Filtered, path: DeadReckoning, epoch: int) -> Filtered:
@@ -168,13 +181,14 @@ def filtered(path: DeadReckoning, logs: Ranges, prior: Prior) -> Iterator[Filter
     """The filter after every epoch of a path.
 
     Once the doubt of a place has bent ranges by more than their noise, no filter remembers what
-    they have said: from then on all so far are aligned anew at epochs 8, 12, 18 and so on, other
-    modes left aside.
+    they have said: from then on all so far are aligned anew at epochs 8, 12, 18 and so on. Other
+    modes are looked for at every third of these times only, for that can take seconds; the doubt
+    they leave is carried on until the next.
     """
     order = np.argsort(logs.epoch, kind="stable")
     logs = logs.of(order)
     ends = np.searchsorted(logs.epoch, np.arange(len(path.interval_s) + 1))
-    state, bent, anew = started(path, prior), False, _ANEW
+    state, bent, anew, count = started(path, prior), False, _ANEW, 0
     for epoch, (first, last) in enumerate(pairwise(ends)):
         state = predicted(state, path, epoch)
         if last > first:
@@ -183,9 +197,26 @@ def filtered(path: DeadReckoning, logs: Ranges, prior: Prior) -> Iterator[Filter
             bent = bent or bool(np.any(taken.sigma_m > _BENT * now.sigma_m))
             state = updated(state, taken, height)
         if bent and epoch + 1 >= anew:
-            found = align(path.until(epoch + 1), logs.of(slice(0, last)), prior, starts=0)
-            state, anew = resumed(found, state.time_s), int(_LATER * anew)
+            so_far = path.until(epoch + 1), logs.of(slice(0, last)), prior
+            state = _searched(state, *so_far) if count % _SEARCHED == 0 else _anew(state, *so_far)
+            anew, count = int(_LATER * anew), count + 1
         yield state
+
+
+def _anew(state: Filtered, path: DeadReckoning, logs: Ranges, prior: Prior) -> Filtered:
+    """The state of all data aligned anew, the doubt as it was."""
+    return resumed(align(path, logs, prior, starts=0), state.time_s)._replace(doubt=state.doubt)
+
+
+def _searched(state: Filtered, path: DeadReckoning, logs: Ranges, prior: Prior) -> Filtered:
+    """The same with other modes looked for."""
+    found = align(path, logs, prior)
+    if found.status != "ambiguous":
+        return resumed(found, state.time_s)
+    of_free = found.covariance[np.ix_(prior.free, prior.free)]
+    sure = found.solution.covariance
+    alone = last_covariance(found.solution, sure)
+    return resumed(found, state.time_s)._replace(covariance=alone, doubt=of_free - sure)
 
 
 def _may_bend(state: Filtered, logs: Ranges, height_m: float) -> bool:

@@ -20,7 +20,7 @@ from estimation.system_alignment.modes import Mode, doubtful, mixture
 from estimation.system_alignment.observability import Direction, diagnosis
 from estimation.system_alignment.parameters import Prior, offsets_of, places_of
 
-Status = Literal["solved", "not converged", "no ranges"]
+Status = Literal["solved", "ambiguous", "not converged", "no ranges"]
 
 _MIRROR_IN_DOUBT = 9.0  # chi2 by which the mirrored height must fit worse
 _SHORT, _FEW = 25, 2  # epochs to begin with; steps before more come in
@@ -57,7 +57,8 @@ class Alignment(NamedTuple):
         heading_error_rad: (n,) of the walk; zeros where headings are measured anew.
         cost: what was minimised, at the minimum.
         weights: (m,) of the ranges, 1 for full use, 0 for none.
-        status: solved, not converged or no ranges.
+        status: solved, not converged, no ranges; ambiguous where other places share the probability
+            or lie along ridges that bend each other: the covariance holds them all, and is wide.
         mirror_gap: (J,) by how much chi2 grows when the beacon is put as far below as it is above;
             infinite where the height is known.
         prior_test: whether the data contradict the prior.
@@ -97,6 +98,11 @@ class Alignment(NamedTuple):
     def mirrored_in_doubt(self) -> bool:
         """Whether some beacon may as well lie on the other side of the plane of the path."""
         return bool(np.any(self.mirror_gap < _MIRROR_IN_DOUBT))
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Each other mode in words, with its probability; the more probable first."""
+        return tuple(f"{mode.name} ({100 * mode.probability:.0f} %)" for mode in self.others)
 
     @property
     def end_covariance(self) -> Array:
@@ -150,21 +156,22 @@ def align(
         model = Model(path, logs, prior)
         found = least_squares(model, at[prior.free])
         nothing = np.zeros((len(found.theta),) * 2)
-        sides = _Sides(found, np.zeros(prior.beacons), nothing, found.covariance)
-        return _told(model, sides)
+        return _told(model, _Sides(found, np.zeros(prior.beacons), nothing), found.covariance)
     model = Model(path, logs, prior, losses[0])
     free = at[prior.free]
     x, free = (_approached if start is None else _softened)(model, free)
     last = replace(model, loss=losses[-1])
-    found = _through(losses, model, x, free)
-    sides = _mirrors(last, found)
-    if start is not None or not (starts and doubtful(last, sides.found)):
-        return _told(last, sides)
+    sides = _mirrors(last, _through(losses, model, x, free))
+    searching = start is None and starts > 0
+    if not (searching and doubtful(last, sides.found)):
+        about = spread(last, sides.found)
+        if not (searching and about.far):
+            return _told(last, sides, about.square + sides.doubt)
     solve, draw = partial(_through, losses, model), partial(_approached, model)
     mixed = mixture(last, sides.found, solve, draw, starts)
-    sides = _mirrors(last, mixed.best)
-    sides = sides._replace(doubt=np.zeros_like(mixed.square), square=mixed.square)
-    return _told(last, sides)._replace(others=mixed.others)
+    sides = _mirrors(last, mixed.best)._replace(found=mixed.best)
+    told = _told(last, sides, mixed.square)._replace(others=mixed.others)
+    return told._replace(status="ambiguous") if mixed.ambiguous else told
 
 
 def _approached(model: Model, free: Array) -> tuple[Array, Array]:
@@ -213,19 +220,19 @@ def _through(losses: tuple[Loss, ...], model: Model, x: Array, free: Array) -> S
     return minimise(last, x, free)
 
 
-def _told(model: Model, sides: _Sides) -> Alignment:
-    """The result with its checks; a beacon that may lie on the other side is that uncertain."""
+def _told(model: Model, sides: _Sides, square: Array) -> Alignment:
+    """The result with its checks, its free constants of a mean square error (T, T)."""
     found = sides.found
     prior, free = model.prior, model.prior.free
     covariance = np.zeros_like(prior.covariance)
     covariance[np.ix_(free, free)] = found.covariance
-    doubtful = covariance.copy()
-    doubtful[np.ix_(free, free)] = sides.square + sides.doubt
+    believed = covariance.copy()
+    believed[np.ix_(free, free)] = square
     theta = model.theta(found.theta)
     heading = found.x[:, 2] if model.block == 3 else np.zeros(len(found.x))
     return Alignment(
         theta=theta,
-        covariance=doubtful,
+        covariance=believed,
         path_m=found.x[:, :2],
         heading_error_rad=heading,
         cost=found.cost,
@@ -253,13 +260,11 @@ class _Sides(NamedTuple):
         found: the solution with every beacon on its more probable side.
         gap: (J,) what the other side costs.
         doubt: (T, T) what it adds to the covariance of the free constants.
-        square: (T, T) that covariance on this side.
     """
 
     found: Solution
     gap: Array
     doubt: Array
-    square: Array
 
 
 def _mirrors(model: Model, found: Solution) -> _Sides:
@@ -287,7 +292,7 @@ def _mirrors(model: Model, found: Solution) -> _Sides:
         gap[beacon] = cost - found.cost
         apart = other - found.theta
         doubt += expit(-gap[beacon] / 2) * np.outer(apart, apart)
-    return _Sides(found, gap, doubt, spread(model, found).square)
+    return _Sides(found, gap, doubt)
 
 
 def contradiction(prior: Prior, theta: Array, covariance: Array) -> PriorTest:

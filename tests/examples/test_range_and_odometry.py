@@ -43,6 +43,48 @@ def test_beacons_of_the_recorded_drive(example: ModuleType) -> None:
     assert "range scale" not in " ".join(d.name for d in found.undetermined)
 
 
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        (None, "cannot be read as a .mat file"),
+        ({"DR": np.ones((3, 3))}, "needs a table TD with columns time, from, to, range"),
+        ({"DR": np.ones((3, 2))}, "got shape (3, 2)"),
+        ({"DR": np.full((3, 3), np.nan)}, "values that are no numbers"),
+        ({"DR": np.array([[2.0, 0.0, 0.0], [1.0, 0.0, 0.0]])}, "times must not go back"),
+    ],
+)
+def test_a_file_of_another_form_gives_one_line(
+    example: ModuleType,
+    tmp_path: Path,
+    tables: dict[str, object] | None,
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    path = tmp_path / "drive.mat"
+    if tables is None:
+        path.write_bytes(b"no such file")
+    else:
+        savemat(path, tables)
+    monkeypatch.setattr(sys, "argv", ["range_and_odometry.py", str(path)])
+    with pytest.raises(SystemExit) as ended:
+        example.main()
+    message = str(ended.value.code)
+    assert said in message
+    assert "\n" not in message
+
+
+@pytest.mark.skipif(not PLAZA.exists(), reason="the recorded drive is not beside the project")
+@pytest.mark.parametrize("step", [7, 30])
+def test_a_drive_with_few_ranges_is_honest(example: ModuleType, step: int) -> None:
+    """One range of seven, or of thirty, a tenth of them 10 to 60 m too long."""
+    drive = example.read(PLAZA)
+    rng = np.random.default_rng(step)
+    logs = drive.logs.of(slice(step // 2, None, step))
+    late = (rng.random(len(logs.value_m)) < 0.1) * rng.uniform(10, 60, len(logs.value_m))
+    found = example.survey(drive._replace(logs=logs._replace(value_m=logs.value_m + late)))
+    assert 0.05 < example.compared(found, drive).nees < 3.0  # 8 coordinates once
+
+
 def test_a_drive_of_our_own_is_read_and_surveyed(example: ModuleType, tmp_path: Path) -> None:
     """A file of the same form, made here: beacons come out, with the scale they were given."""
     rng = np.random.default_rng(1)
