@@ -13,6 +13,7 @@ from estimation.system_alignment.ridges import sampled
 RANGE_M, AWAY_M, SIGMA_BEACON_M = 400.0, 450.0, 150.0
 
 
+@pytest.mark.slow
 def test_a_ring_is_sampled_by_its_probability() -> None:
     """The angle on a ring about a hover is von Mises; the power 1/2 that is sampled halves kappa.
 
