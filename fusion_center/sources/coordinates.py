@@ -113,7 +113,8 @@ def _polar(
     altitude = _altitudes(observer.site, east_north, slant * np.sin(elevation), altitude_m)
 
     polar, defaulted = _polar_covariance(report, properties, elevated)
-    by_polar = _by_polar(bearing, slant, elevation, level)
+    reach = np.maximum(level, _underfoot(slant, polar))
+    by_polar = _by_polar(bearing, slant, elevation, reach)
     covariance = by_polar @ polar @ transposed(by_polar)
     return Places(east_north, covariance, altitude, defaulted & np.isfinite(level))
 
@@ -124,6 +125,17 @@ def _direction(bearing: Array) -> Array:
     np.sin(bearing, out=direction[:, 0])
     np.cos(bearing, out=direction[:, 1])
     return direction
+
+
+def _underfoot(slant: Array, polar: Array) -> Array:
+    """How far aside (n,) a log may be [m] that says straight above or below.
+
+    level^2 = slant^2 - up^2 errs by 2 slant sigma: below the root of half of that a level range,
+    and with it the direction, is noise, and what it grows by with slant range has no limit. An
+    elevation leaves slant sigma.
+    """
+    by_range = np.sqrt(slant * np.sqrt(polar[:, 1, 1]))
+    return np.where(polar[:, 2, 2] > 0, slant * np.sqrt(polar[:, 2, 2]), by_range)
 
 
 def _by_polar(bearing: Array, slant: Array, elevation: Array, level: Array) -> Array:

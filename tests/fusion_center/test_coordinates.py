@@ -78,6 +78,35 @@ def test_covariance_is_the_scatter_of_the_places(elevated: bool) -> None:
     np.testing.assert_allclose(np.linalg.eigvals(whitened), 1.0, atol=0.1)
 
 
+@pytest.mark.parametrize("aside_m", [0.0, 100.0, 300.0, 600.0, 1500.0])
+@pytest.mark.parametrize("elevated", [False, True])
+def test_a_place_straight_below_a_target_is_as_unsure_as_it_errs(
+    aside_m: float, elevated: bool
+) -> None:
+    """Where slant range says next to nothing of level range; 2000 draws.
+
+    Errors are one-sided there, so their mean square is not the variance, but of its order.
+    """
+    rng = np.random.default_rng(3)
+    enu = on_surface(SHIP, aside_m * 0.6, aside_m * 0.8, 3000.0)
+    true_slant = float(np.linalg.norm(enu))
+    columns: dict[str, Any] = {
+        "bearing_rad": (np.arctan2(enu[0], enu[1]) + rng.normal(0, 5e-3, 2000)).tolist(),
+        "range_m": rng.normal(true_slant, 40.0, 2000).tolist(),
+        "sigma_bearing_rad": [5e-3] * 2000,
+        "sigma_range_m": [40.0] * 2000,
+    }
+    if elevated:
+        tilt = np.arcsin(enu[2] / true_slant) + rng.normal(0, 4e-3, 2000)
+        columns["elevation_rad"] = np.minimum(tilt, np.pi / 2).tolist()
+        columns["sigma_elevation_rad"] = [4e-3] * 2000
+    found = read(altitude_m=3000.0, **columns)
+    assert found.located.all()
+    errors = found.east_north_m - enu[:2]
+    squares = np.einsum("ni,nij,nj->n", errors, np.linalg.inv(found.covariance), errors) / 2
+    assert 0.2 < squares.mean() < 1.6
+
+
 def test_a_full_covariance_comes_before_sigmas() -> None:
     bearing, slant, _ = polar()
     whole = read(
