@@ -15,7 +15,7 @@ import numpy as np
 
 from estimation.arrays import Array, transposed
 from estimation.frames import Site, east_north_covariance, level_plane
-from estimation.tracking.bank import EMPTY, Bank, begun, carried, improved, innovations
+from estimation.tracking.bank import EMPTY, Bank, begun, carried, improved, innovations_of
 from estimation.tracking.existence import missed, seen
 from schemas.messages import SourceProperties
 
@@ -145,7 +145,7 @@ class RadarTracker:
         """One plot to one track, nearest first."""
         tracks = self._tracks
         elapsed = (at_ns - tracks.t_ns[:, None]) * 1e-9
-        found = innovations(tracks.filters, elapsed, self._noise, place, covariance)
+        found = innovations_of(tracks.filters, elapsed, self._noise, place, covariance)
         cost = np.where(found.distance2 < GATE, found.distance2 + found.log_determinant, np.inf)
         pairs: list[tuple[int, int]] = []
         while cost.size and np.isfinite(cost.min()):
@@ -161,7 +161,7 @@ class RadarTracker:
         """Matched tracks take in their plots, the others have been missed."""
         tracks, radar = self._tracks, self._radar
         elapsed = (at_ns - tracks.t_ns[track]) * 1e-9
-        found = innovations(
+        found = innovations_of(
             tracks.filters.take(track), np.diag(elapsed), self._noise, place, covariance
         )
         likelihood = np.diag(found.log_likelihood) + np.log(

@@ -29,7 +29,6 @@ from estimation.relative_frame.closed_form import (
 )
 from estimation.relative_frame.consider import Positions, corrected, fused, positions
 from estimation.relative_frame.fixed_axes import in_fixed_axes
-from estimation.relative_frame.information import OwnAxesInformation
 from estimation.relative_frame.joint import (
     Elapsed,
     JointFrames,
@@ -55,6 +54,7 @@ from estimation.relative_frame.network import (
     network_adjustment,
 )
 from estimation.relative_frame.observability import Diagnosis, Direction, diagnose, directions
+from estimation.relative_frame.own_axes_information import OwnAxesInformation
 from estimation.relative_frame.recursion import (
     AT_REST,
     STEADY,

@@ -18,7 +18,6 @@ from estimation.arrays import Array, transposed
 from estimation.frames import wrap_pi
 from estimation.relative_frame.gauge import Gauge, gauge, gaussian
 from estimation.relative_frame.gauss_helmert import Measured, measured
-from estimation.relative_frame.information import OwnAxesInformation
 from estimation.relative_frame.iteration import Solution, iterate
 from estimation.relative_frame.logs import (
     OwnAxesFrame,
@@ -27,6 +26,7 @@ from estimation.relative_frame.logs import (
     RelativeFramePrior,
     in_own_axes,
 )
+from estimation.relative_frame.own_axes_information import OwnAxesInformation
 
 _SAME = 1e-9  # of chi2: ends of one minimum differ by less, other minima by more
 

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from estimation.arrays import Array, transposed
 from estimation.frames import rotation_clockwise
 from estimation.relative_frame.gauge import root_of
-from estimation.relative_frame.information import OwnAxesInformation
 from estimation.relative_frame.logs import OwnAxesFrame
 from estimation.relative_frame.matrices import solved
+from estimation.relative_frame.own_axes_information import OwnAxesInformation
 from estimation.relative_frame.recursion import AT_REST, Drift, Travel, predicted
 
 WINDOW = 8  # scans

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from estimation.arrays import Array
 from estimation.frames import rotation_clockwise, wrap_pi
 from estimation.relative_frame.gauge import root_of
-from estimation.relative_frame.information import OwnAxesInformation
 from estimation.relative_frame.logs import OwnAxesFrame
 from estimation.relative_frame.matrices import Indices, inverse, solved
 from estimation.relative_frame.network_equations import (
@@ -31,6 +30,7 @@ from estimation.relative_frame.network_equations import (
     adjusted,
     informative,
 )
+from estimation.relative_frame.own_axes_information import OwnAxesInformation
 from estimation.relative_frame.range_errors import RangeErrors
 
 WIDTH = 7

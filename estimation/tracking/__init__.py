@@ -7,7 +7,7 @@ from estimation.tracking.bank import (
     begun,
     carried,
     improved,
-    innovations,
+    innovations_of,
 )
 from estimation.tracking.existence import SUREST, missed, seen
 from estimation.tracking.source_tracks import Sensing, assigned, log_ratio
@@ -22,7 +22,7 @@ __all__ = [
     "begun",
     "carried",
     "improved",
-    "innovations",
+    "innovations_of",
     "log_ratio",
     "missed",
     "seen",

@@ -101,7 +101,7 @@ def _noise(dt: Array, process_noise: float) -> Array:
     return noise
 
 
-def innovations(
+def innovations_of(
     bank: Bank, elapsed_s: Array, process_noise: float, place_m: Array, covariance: Array
 ) -> Innovations:
     """Every plot against every filter, each at the plot's own time.

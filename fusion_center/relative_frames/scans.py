@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from estimation.consistency import nees
 from estimation.relative_frame import Drift, NetworkLogs, OwnAxesFrame
 from estimation.relative_frame.change_detection import SCAN_LIMIT, WINDOW, disagreement
-from estimation.relative_frame.information import OwnAxesInformation
 from estimation.relative_frame.joint import JointFrames, JointUpdate, improved_by
 from estimation.relative_frame.matrices import Indices
+from estimation.relative_frame.own_axes_information import OwnAxesInformation
 
 from ..settings import RegistrationSettings
 from .corrections import Misclosure

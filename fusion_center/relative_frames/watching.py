@@ -10,7 +10,7 @@ import numpy as np
 from estimation.arrays import Array
 from estimation.relative_frame import Drift, OwnAxesFrame, Travel, Watch, watched, watching
 from estimation.relative_frame.change_detection import Scan
-from estimation.relative_frame.information import OwnAxesInformation
+from estimation.relative_frame.own_axes_information import OwnAxesInformation
 
 from ..navigation import NS
 from ..state import WatchColumns

@@ -19,7 +19,7 @@ from estimation.tracking.bank import (
     begun,
     carried,
     improved,
-    innovations,
+    innovations_of,
     normalised,
 )
 from estimation.tracking.existence import SUREST, missed, seen
@@ -101,7 +101,7 @@ def named(
         mine = plots.take(which)
         bank = Bank(logs.state[free], logs.state_covariance[free])
         elapsed = (mine.t_ns - logs.t_ns[0, free][:, None]) * NS
-        found = innovations(bank, elapsed, now.process_noise, mine.place_m, mine.covariance)
+        found = innovations_of(bank, elapsed, now.process_noise, mine.place_m, mine.covariance)
         for track, plot in zip(*assigned(found, now.gate), strict=True):
             keys[plot] = logs.key[free[track]]
     born = logs.born

@@ -34,6 +34,28 @@ def test_no_tracked_file_is_larger_than_a_megabyte() -> None:
     assert large == []
 
 
+def test_no_package_gives_something_else_by_the_name_of_its_module() -> None:
+    """Which of the two a program gets would hang on what was imported before."""
+    packages = [path for path in tracked(".py") if path.name == "__init__.py"]
+    assert [clash for path in packages for clash in _clashes(path)] == []
+
+
+def _clashes(package: Path) -> list[str]:
+    """Names that a package imports and that a module of it has too, but does not define."""
+    within = {path.name.removesuffix(".py") for path in package.parent.iterdir()}
+    imports = [
+        (name.asname or name.name, node.module)
+        for node in ast.parse(package.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ImportFrom) and node.module
+        for name in node.names
+    ]
+    return [
+        f"{package.parent.relative_to(ROOT)}: {name} of {module}"
+        for name, module in imports
+        if name in within and module.rpartition(".")[2] != name
+    ]
+
+
 def _first_line(path: Path) -> str:
     """First line of the docstring; a docstring that begins with a blank line says nothing."""
     with path.open("rb") as file:

@@ -7,7 +7,7 @@ import pytest
 
 from estimation.arrays import Array
 from estimation.consistency import mean_interval, nees
-from estimation.tracking.bank import Bank, begun, carried, improved, innovations
+from estimation.tracking.bank import Bank, begun, carried, improved, innovations_of
 
 Q, SIGMA_V = 0.5, 20.0
 
@@ -44,7 +44,7 @@ def test_innovations_are_those_of_the_carried_filters() -> None:
     rng = np.random.default_rng(2)
     bank, place, r = some(rng, 4), rng.normal(0, 1000, (6, 2)), spreads(rng, 6)
     dt = rng.uniform(-3, 3, (4, 6))
-    found = innovations(bank, dt, Q, place, r)
+    found = innovations_of(bank, dt, Q, place, r)
     for j in range(6):
         there = carried(bank, dt[:, j], Q)
         s = there.covariance[:, :2, :2] + r[j]

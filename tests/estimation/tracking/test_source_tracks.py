@@ -17,7 +17,7 @@ from estimation.tracking import (
     begun,
     carried,
     improved,
-    innovations,
+    innovations_of,
     log_ratio,
     missed,
     seen,
@@ -54,7 +54,7 @@ def test_plots_find_their_tracks_at_their_own_times() -> None:
     state = np.array([[0.0, 0.0, 50.0, 0.0], [100.0, 0.0, -50.0, 0.0]])
     bank = Bank(state, np.tile(np.diag([25.0, 25.0, 1.0, 1.0]), (2, 1, 1)))
     elapsed_s, plots = np.array([2.0, 1.8]), np.array([[100.0, 0.0], [10.0, 0.0]])
-    found = innovations(bank, elapsed_s, sensing().process_noise, plots, np.array([R, R]))
+    found = innovations_of(bank, elapsed_s, sensing().process_noise, plots, np.array([R, R]))
     track, plot = assigned(found, sensing().gate)
     assert dict(zip(track, plot, strict=True)) == {0: 0, 1: 1}
 
@@ -77,7 +77,7 @@ def followed(rng: np.random.Generator, runs: int, *, there: bool, looks: int = 4
             if there and rng.random() < now.detection:
                 plots = np.vstack([plots, rng.multivariate_normal(truth[:2], R, 1)])
             spread = np.tile(R, (len(plots), 1, 1))
-            found = innovations(bank, np.ones((1, len(plots))), now.process_noise, plots, spread)
+            found = innovations_of(bank, np.ones((1, len(plots))), now.process_noise, plots, spread)
             track, plot = assigned(found, now.gate)
             bank = carried(bank, 1.0, now.process_noise)
             if track.size:

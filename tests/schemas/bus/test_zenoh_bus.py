@@ -17,7 +17,7 @@ from schemas.codec import MAX_PAYLOAD_BYTES
 from schemas.errors import BusError
 from schemas.qos import DATA
 from tests.hub_process import DEADLINE_S, ROOT, HubProcess
-from tests.promptness import prompt, within
+from tests.promptness import LateError, prompt, within
 from tests.schemas.bus.bus_networks import eventually, take
 
 pytestmark = pytest.mark.live
@@ -199,7 +199,7 @@ def test_a_hung_hub_holds_up_neither_opening_nor_closing() -> None:
 
 @prompt
 def test_a_process_that_computes_still_gets_its_samples(hub: str) -> None:
-    """4000 samples at 2000/s while another thread never lets go of the interpreter by itself."""
+    """2000 samples at 2000/s while another thread never lets go of the interpreter by itself."""
     inbox: Inbox[Sample] = Inbox()
     busy = True
 
@@ -233,7 +233,9 @@ def test_a_process_that_computes_still_gets_its_samples(hub: str) -> None:
         assert sender.stdout.readline() == "done\n"
         try:
             with within(2.0):
-                assert len(take(inbox, 1901)) > 1900
+                arrived = len(take(inbox, 1901))
+            if arrived < 1901:
+                raise LateError(f"{2000 - arrived} of 2000 samples dropped before they were read")
         finally:
             busy = False
             computing.join()
