@@ -17,6 +17,7 @@ from estimation.assignment import assignment
 from estimation.tracking.tangles import summed
 
 _TOLERANCE = 1e-3
+_ROUNDING = 1e-15
 _PASSES = 4  # between two looks at what has settled
 _ROUNDS = 24
 
@@ -53,9 +54,9 @@ class Marginals(NamedTuple):
 def by_belief(given: Candidates) -> Marginals:
     """Marginals by loopy belief propagation; exact without loops, and in small groups.
 
-    Pairs that no other pair touches are exact at once. Faint ones are weighed against what the
-    others settled on, but take no part in settling it. The others are iterated; small groups of
-    them that form loops are then summed over completely (`tangles`).
+    Pairs that no other pair touches are exact at once. Of the others small groups that form loops
+    are summed over completely (`tangles`), the rest is iterated. Faint pairs, and slight ones at
+    such a group, are weighed against what the others settled on, but take no part in settling it.
 
     Source: Williams & Lau, Approximate evaluation of marginal association probabilities with
     belief propagation, IEEE Trans. AES 50(4), 2014, eqs 21-26.
@@ -64,28 +65,32 @@ def by_belief(given: Candidates) -> Marginals:
     degree_plot = np.bincount(given.plot, minlength=given.plots)[given.plot]
     tangled = (degree_track > 1) | (degree_plot > 1)
     rivals = np.flatnonzero(tangled & (given.weight > _TOLERANCE))
-    bid = np.zeros(len(given.weight))  # from tracks to plots
-    some = given.take(rivals)
-    bid[rivals] = _bids(some, _converged(some))
-    rest = _sums(given.plot, bid, given.plots)[given.plot] - bid
-    claim = given.weight / (1.0 + np.maximum(rest, 0.0))
-    pair = claim / (1.0 + _sums(given.track, claim, given.tracks)[given.track])
-    return _completed(given, _with_tangles(given, pair, rivals))
-
-
-def _with_tangles(given: Candidates, pair: Array, rivals: Indices) -> Array:
-    """Probabilities of pairs, those of small groups with loops summed exactly.
-
-    What faint pairs have of a track is little, and stays theirs.
-    """
     some = given.take(rivals)
     exact = summed(some.track, some.plot, some.weight)
-    rows = rivals[exact.pair]
-    mended = pair.copy()
-    mended[rows] = 0.0
-    faint = _sums(given.track, mended, given.tracks)[given.track[rows]]
-    mended[rows] = exact.probability * np.maximum(1.0 - faint, 0.0)
-    return mended
+    grouped, probability = given.take(rivals[exact.pair]), exact.probability
+    iterated = rivals[~_touching(some, grouped)]
+    bid = np.zeros(len(given.weight))  # from tracks to plots
+    some = given.take(iterated)
+    bid[iterated] = _bids(some, _converged(some))
+    bid[rivals[exact.pair]] = _odds(grouped.plot, probability, given.plots)
+    rest = _sums(given.plot, bid, given.plots)[given.plot] - bid
+    claim = given.weight / (1.0 + np.maximum(rest, 0.0))
+    claim[rivals[exact.pair]] = _odds(grouped.track, probability, given.tracks)
+    pair = claim / (1.0 + _sums(given.track, claim, given.tracks)[given.track])
+    return _completed(given, pair)
+
+
+def _touching(some: Candidates, others: Candidates) -> NDArray[np.bool_]:
+    """Which pairs share a track or a plot with any of the others."""
+    track, plot = np.zeros(some.tracks, dtype=bool), np.zeros(some.plots, dtype=bool)
+    track[others.track] = plot[others.plot] = True
+    return np.asarray(track[some.track] | plot[some.plot])
+
+
+def _odds(end: Indices, probability: Array, size: int) -> Array:
+    """Probabilities of pairs by that of their end to stay alone."""
+    alone = np.maximum(1.0 - _sums(end, probability, size), _ROUNDING)
+    return np.asarray(probability / alone[end])
 
 
 def by_assignment(given: Candidates) -> Marginals:

@@ -14,8 +14,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from estimation.arrays import Array, Indices
 
@@ -42,10 +40,10 @@ def summed(track: Indices, plot: Indices, weight: Array) -> Summed:
     tracks, plots = (int(ends.max(initial=-1)) + 1 for ends in (track, plot))
     best = _best(track, weight, tracks)[track] * _best(plot, weight, plots)[plot]
     rows = np.flatnonzero(weight**2 > _SLIGHT**2 * best)
-    group = _looped(track[rows], plot[rows], tracks, plots)
-    rows, group = rows[group >= 0], group[group >= 0]
+    rows = rows[_looped(track[rows], plot[rows], tracks, plots)]
     if not rows.size:
         return Summed(rows, np.empty(0))
+    group = _groups(track[rows], plot[rows], tracks, plots)
     i, height = _within(group, track[rows])
     j, width = _within(group, plot[rows])
     small = (height[group] <= _TRACKS) & (width[group] <= _PLOTS)
@@ -69,23 +67,44 @@ def _best(ends: Indices, weight: Array, size: int) -> Array:
 
 
 def _looped(track: Indices, plot: Indices, tracks: int, plots: int) -> Indices:
-    """(K,) group of each pair, -1 where the group has no loop: pairs fewer than its ends."""
-    ends = (track, plot + tracks)
-    graph = coo_array((np.ones(len(track)), ends), shape=(tracks + plots,) * 2)
-    groups, of_end = connected_components(graph, directed=False)
-    of_pair = of_end[track]
-    pairs = np.bincount(of_pair, minlength=groups)
-    loops = pairs >= np.bincount(of_end, minlength=groups)
-    return np.where(loops[of_pair], of_pair, -1)
+    """Pairs that hang together with a loop: what is left when dead ends are cut off, and around."""
+    left = np.arange(len(track))
+    while left.size:
+        begun, ended = track[left], plot[left]
+        dead = np.bincount(begun, minlength=tracks)[begun] == 1
+        dead |= np.bincount(ended, minlength=plots)[ended] == 1
+        if not dead.any():
+            break
+        left = left[~dead]
+    reached = -1
+    while left.size > reached:
+        reached = left.size
+        of_track, of_plot = np.zeros(tracks, dtype=bool), np.zeros(plots, dtype=bool)
+        of_track[track[left]] = of_plot[plot[left]] = True
+        left = np.flatnonzero(of_track[track] | of_plot[plot])
+    return left
+
+
+def _groups(track: Indices, plot: Indices, tracks: int, plots: int) -> Indices:
+    """(K,) number of the group of each pair, from 0: the least of its tracks, passed on."""
+    group, before = track, np.full_like(track, -1)
+    while not np.array_equal(group, before):
+        before, of_plot, of_track = group, np.full(plots, tracks), np.full(tracks, tracks)
+        np.minimum.at(of_plot, plot, group)
+        np.minimum.at(of_track, track, of_plot[plot])
+        group = of_track[track]
+    _, group = np.unique(group, return_inverse=True)
+    return group
 
 
 def _within(group: Indices, end: Indices) -> tuple[Indices, Indices]:
     """Number (K,) of each pair's end among those of its group; how many (groups,) it has."""
-    each, of_pair = np.unique(np.stack([group, end]), axis=1, return_inverse=True)
-    size = np.bincount(each[0])
+    span = int(end.max()) + 1
+    each, of_pair = np.unique(group * span + end, return_inverse=True)
+    whose = each // span
+    size = np.bincount(whose)
     first = np.cumsum(size) - size
-    rank = np.arange(each.shape[1]) - first[each[0]]
-    return rank[of_pair.ravel()], size
+    return (np.arange(len(each)) - first[whose])[of_pair], size
 
 
 def _enumerated(weight: Array) -> Array:

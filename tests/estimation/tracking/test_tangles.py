@@ -41,6 +41,16 @@ def test_two_tracks_that_vie_for_two_plots_are_as_unsure_as_they_should_be() -> 
     np.testing.assert_allclose(found.pair, [0.6, 0.4, 0.4, 0.6], atol=1e-6)
 
 
+def test_what_is_slight_or_faint_beside_a_group_hardly_has_a_part_in_it() -> None:
+    """Two tracks vie for two plots; a third has one of its own. The others come to little."""
+    track, plot = np.array([0, 0, 0, 1, 1, 2, 3, 4]), np.array([0, 1, 2, 0, 1, 2, 0, 1])
+    weight = np.array([3e3, 2e3, 0.5, 2e3, 3e3, 4e3, 0.5, 9e-4])
+    given = Candidates(track, plot, weight, 5, 3)
+    exact, _ = enumerated(given)
+    for one, other in zip(by_belief(given), exact, strict=True):
+        np.testing.assert_allclose(one, other, atol=2e-4)
+
+
 def test_groups_of_different_sizes_in_one_scan_do_not_mix() -> None:
     rng = np.random.default_rng(3)
     parts = [full(rng.uniform(1.0, 30.0, shape)) for shape in ((2, 2), (3, 3), (2, 4), (3, 2))]
