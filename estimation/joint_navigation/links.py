@@ -22,7 +22,7 @@ from estimation.joint_navigation.online_rows import LINK, Range, link_of
 _SPIKE_M = 0.03
 _SLAB_M = 200.0
 _SHARE = 1e-3  # of links that are wrong, before anything is known of them
-_DOUBT = 0.1  # probability that any link is wrong, from which the likely ones are released
+_DOUBT = 0.5  # probability that any link is wrong, from which the likely ones are released
 _LIKELY = 0.02  # of the wrong one to be this, given there is one: it is released
 _MOST = 100  # links of a group that are watched; further ones are taken for right
 
