@@ -64,7 +64,7 @@ def turning(rng: np.random.Generator, name: str, motion: Motion, runs: int) -> D
 def unmodelled_alarms(rng: np.random.Generator, name: str, runs: int) -> dict[str, float]:
     """Share of alarms by kind of motion."""
     found: dict[str, Judged] = {}
-    for kind in ("weave", "zigzag of five legs", "loops"):
+    for kind in ("weave", "zigzag of five legs", "figures of eight"):
         found[kind] = judged(unmodelled(rng, name, kind, runs))
     return {kind: result.alarms for kind, result in found.items()}
 
@@ -89,8 +89,9 @@ def _wandering(rng: np.random.Generator, kind: str, t: Array, runs: int) -> Arra
         return np.asarray(
             amplitude * np.sin(2 * np.pi * t / rng.uniform(150, 250, (runs, 1)) + phase)
         )
-    if kind == "loops":
-        return np.asarray(phase + 2 * np.pi * t / rng.uniform(180, 300, (runs, 1)))
+    if kind == "figures of eight":  # a circle to one side, the next to the other
+        circles = t / rng.uniform(180, 300, (runs, 1)) + rng.uniform(0, 2, (runs, 1))
+        return np.asarray(phase + 2 * np.pi * np.abs(circles % 2 - 1))
     leg = rng.uniform(100, 140, (runs, 1))
     number = np.floor(t / leg + phase / (2 * np.pi)).astype(int)
     side = np.where(number % 2 == 0, 1.0, -1.0)
