@@ -88,7 +88,6 @@ class Bridge:
 
     def take(self, found: Reading | RecordError) -> RecordError | None:
         """Publish a reading, or count a bad record; what is wrong with it, if anything."""
-        self.counts.received += 1
         try:
             if isinstance(found, RecordError):
                 raise found

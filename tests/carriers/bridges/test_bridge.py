@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 
 import pytest
 from msgspec.structs import replace
@@ -198,3 +199,16 @@ def test_a_covariance_that_cannot_be_turned_costs_its_record_alone() -> None:
     bad = line(east_m=[1.0] * 20, north_m=[2.0] * 20, covariance_position=needles)
     assert bench.feed(line(**LOG) + bad + line(**LOG)) == ["covariance"]
     assert [report.seq for report in bench.kept.of(SourceReport)] == [1, 2]
+
+
+def test_sums_agree_though_records_are_refused_meanwhile() -> None:
+    class Busy(Counter[str]):
+        def copy(self) -> Counter[str]:
+            before = Counter(self)
+            self["line"] += 1
+            return before
+
+    counts = Counts()
+    counts.rejected_by = Busy(line=3, range_m=2)
+    told = counts.counters()
+    assert told["received"] == told["rejected"] == told["rejected line"] + told["rejected range_m"]
