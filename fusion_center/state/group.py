@@ -18,7 +18,7 @@ class Member(Struct, frozen=True, kw_only=True, eq=False):
         start_t_ns: since when; t_ns: of validity of its place, by its own clock.
         start_m: (2,) place reported at the start, along the axes of the scenario.
         way_m: (2,) reckoned at t_ns, as the carrier says it.
-        sigma: (12,) of its slots before the data.
+        sigma: (13,) of its slots before the data.
         ranges, logs: used so far.
         refused: share of the last ranges that were out of line.
         fixed_t_ns: of the last position fix that was used, or of the start.
